@@ -1,0 +1,46 @@
+//! Parallel loops whose results do not depend on the number of threads.
+//!
+//! The kernels' only door to rayon. Work is cut into chunks of a fixed size that the caller chooses from the problem,
+//! never from the machine; results come back in index order, and whoever folds them folds in that order. The pool is
+//! the caller's: inside [`install`] everything runs on at most that many threads.
+
+use rayon::prelude::*;
+
+/// Runs `work` on a pool of `jobs` threads (at least one); nested loops of this module stay on it.
+pub fn install<R: Send>(jobs: usize, work: impl FnOnce() -> R + Send) -> R {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs.max(1)).build();
+    match pool {
+        Ok(pool) => pool.install(work),
+        // No threads to be had: the same work on this one gives the same result.
+        Err(_) => work(),
+    }
+}
+
+/// `(0..n).map(f)` in parallel, in index order.
+pub fn map<T: Send>(n: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    (0..n).into_par_iter().with_min_len(64).map(&f).collect()
+}
+
+/// Maps each whole chunk `start..end` of `chunk` indices (the last may be shorter), in order. For work whose items are
+/// dear or need scratch memory per chunk.
+pub fn map_chunks<T: Send>(n: usize, chunk: usize, f: impl Fn(std::ops::Range<usize>) -> T + Sync) -> Vec<T> {
+    let chunk = chunk.max(1);
+    (0..n.div_ceil(chunk)).into_par_iter().map(|c| f(c * chunk..((c + 1) * chunk).min(n))).collect()
+}
+
+/// Calls `f(index, row)` for every `row_len` items of `data`, in parallel.
+pub fn for_rows<T: Send>(data: &mut [T], row_len: usize, f: impl Fn(usize, &mut [T]) + Sync) {
+    data.par_chunks_mut(row_len.max(1)).enumerate().for_each(|(i, row)| f(i, row));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn order_and_chunks_do_not_depend_on_threads() {
+        let run = |jobs| install(jobs, || (map(1000, |i| i * i), map_chunks(10, 4, |r| (r.start, r.end))));
+        assert_eq!(run(1), run(8));
+        assert_eq!(run(2).1, vec![(0, 4), (4, 8), (8, 10)]);
+    }
+}

@@ -1,0 +1,136 @@
+//! Principal component analysis: the few directions that hold most of a point set's variance.
+//!
+//! Source: \[ZG02\] section 2.1. Means and covariances are sums in f64 over all samples in their order, whatever the
+//! number of threads.
+//! Unaware of: what the samples are.
+
+use super::{eigen, par};
+
+/// The mean of a point set and its leading principal directions.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pca {
+    /// Mean of the samples.
+    pub mean: Vec<f64>,
+    /// Unit directions, largest variance first; at least one.
+    pub basis: Vec<Vec<f64>>,
+    /// Share of the total variance along `basis`, 0..=1; 1 if there is no variance at all.
+    pub kept_variance: f64,
+}
+
+/// Columns of the covariance matrix per parallel task.
+const COLUMNS_PER_TASK: usize = 16;
+
+/// Directions of less than this share of the total variance are rounding noise and never kept.
+const NOISE: f64 = 1e-12;
+
+/// Finds the least number of directions that hold at least `variance` (0..=1) of the variance of `samples`, rows of
+/// `dims` finite values. Panics if there is no sample or the rows are not whole.
+pub fn fit(samples: &[f32], dims: usize, variance: f64) -> Pca {
+    assert!(dims > 0 && !samples.is_empty() && samples.len().is_multiple_of(dims), "whole samples");
+    let count = samples.len() / dims;
+    let mut mean = vec![0.0; dims];
+    for sample in samples.chunks_exact(dims) {
+        mean.iter_mut().zip(sample).for_each(|(m, v)| *m += f64::from(*v));
+    }
+    mean.iter_mut().for_each(|m| *m /= count as f64);
+
+    let covariance = covariance(samples, &mean);
+    let total: f64 = (0..dims).map(|i| covariance[i * dims + i]).sum();
+    let mut kept = 0.0;
+    let eigen = eigen::symmetric(covariance, dims, |values| {
+        let mut n = 0;
+        while n < dims && kept < variance * total && values[n] > NOISE * total {
+            kept += values[n];
+            n += 1;
+        }
+        n.max(1)
+    });
+    let kept_variance = if total > 0.0 { (kept / total).min(1.0) } else { 1.0 };
+    Pca { mean, basis: eigen.vectors, kept_variance }
+}
+
+/// Covariance matrix of the samples about `mean`.
+fn covariance(samples: &[f32], mean: &[f64]) -> Vec<f64> {
+    let dims = mean.len();
+    let count = samples.len() / dims;
+    // Each task owns some rows of the lower triangle and walks all samples: nothing to be folded afterwards. Samples
+    // are widened and centred in blocks that stay in the cache.
+    let centred: Vec<f64> = par::map_chunks(count, 256, |r| {
+        let part = &samples[r.start * dims..r.end * dims];
+        part.chunks_exact(dims).flat_map(|s| s.iter().zip(mean).map(|(v, m)| f64::from(*v) - m)).collect::<Vec<_>>()
+    })
+    .concat();
+    let blocks = par::map_chunks(dims, COLUMNS_PER_TASK, |r| {
+        let mut sums = vec![0.0; r.len() * r.end];
+        for sample in centred.chunks_exact(dims) {
+            for (row, &v) in sums.chunks_exact_mut(r.end).zip(&sample[r.clone()]) {
+                row.iter_mut().zip(sample).for_each(|(s, w)| *s += v * w);
+            }
+        }
+        sums
+    });
+    let mut matrix = vec![0.0; dims * dims];
+    for (b, sums) in blocks.iter().enumerate() {
+        let first = b * COLUMNS_PER_TASK;
+        let width = sums.len() / COLUMNS_PER_TASK.min(dims - first);
+        for (i, row) in sums.chunks_exact(width).enumerate() {
+            for (j, s) in row.iter().enumerate().take(first + i + 1) {
+                let v = s / count as f64;
+                matrix[(first + i) * dims + j] = v;
+                matrix[j * dims + first + i] = v;
+            }
+        }
+    }
+    matrix
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numerics::rng::Key;
+
+    #[test]
+    fn points_on_a_line_have_one_direction() {
+        let samples: Vec<f32> = (0..10).flat_map(|i| [i as f32 * 3.0, 7.0, i as f32 * 4.0]).collect();
+        let pca = fit(&samples, 3, 1.0);
+        assert_eq!(pca.basis.len(), 1);
+        assert!((pca.basis[0][0] - 0.6).abs() < 1e-12 && (pca.basis[0][2] - 0.8).abs() < 1e-12);
+        assert_eq!(pca.mean, [13.5, 7.0, 18.0]);
+        assert!((pca.kept_variance - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn equal_points_keep_one_direction_and_all_of_nothing() {
+        let pca = fit(&[0.3; 12], 4, 0.97);
+        assert_eq!((pca.basis.len(), pca.kept_variance), (1, 1.0));
+    }
+
+    #[test]
+    fn keeps_the_least_number_of_directions() {
+        // Independent axes with variances 16 : 4 : 1, of a total 21.
+        let key = Key::new(9);
+        let samples: Vec<f32> =
+            (0..30_000).flat_map(|i| [4.0, 2.0, 1.0].map(|s| s * (key.with(i).unit(s as u64) as f32 - 0.5))).collect();
+        for (variance, want) in [(0.5, 1), (0.75, 1), (0.8, 2), (0.94, 2), (0.97, 3)] {
+            let pca = fit(&samples, 3, variance);
+            assert_eq!(pca.basis.len(), want, "{variance}");
+            assert!(pca.kept_variance >= variance);
+        }
+    }
+
+    #[test]
+    fn covariance_is_the_naive_one_for_any_thread_count() {
+        let (dims, count) = (37, 300);
+        let key = Key::new(2);
+        let samples: Vec<f32> = (0..dims * count).map(|i| key.unit(i as u64) as f32).collect();
+        let mean = vec![0.5; dims];
+        let run = |jobs| par::install(jobs, || covariance(&samples, &mean));
+        let c = run(1);
+        assert_eq!(c, run(4));
+        for (i, j) in [(0, 0), (5, 3), (3, 5), (36, 0), (36, 36), (16, 15)] {
+            let row = |d: usize| samples.chunks_exact(dims).map(move |s| f64::from(s[d]) - 0.5);
+            let want = row(i).zip(row(j)).map(|(a, b)| a * b).sum::<f64>() / count as f64;
+            assert!((c[i * dims + j] - want).abs() < 1e-12, "{i} {j}");
+        }
+    }
+}
