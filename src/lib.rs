@@ -40,3 +40,4 @@
 #![warn(missing_docs)]
 
 pub mod numerics;
+pub mod texture;
