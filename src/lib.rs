@@ -39,5 +39,6 @@
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 
+pub mod mesh;
 pub mod numerics;
 pub mod texture;
