@@ -39,6 +39,7 @@
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 
+pub mod exemplar;
 pub mod mesh;
 pub mod numerics;
 pub mod texture;
