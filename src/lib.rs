@@ -40,6 +40,7 @@
 #![warn(missing_docs)]
 
 pub mod exemplar;
+pub mod field;
 pub mod mesh;
 pub mod numerics;
 pub mod texture;

@@ -1,0 +1,145 @@
+//! A number per vertex from values at a few points: harmonic between them.
+//!
+//! Source: `[MST09]` 2.1 (constraints with effect areas); here for the local scale, which is interpolated in its
+//! logarithm so that it stays positive and doubling and halving weigh alike.
+
+use super::relax::{Coupling, Guide, Pin, cotangent_weights, disc, relax};
+use super::{Error, Which, site};
+use crate::mesh::{Topology, TriMesh, check};
+use crate::numerics::csr::{Complex, complex};
+use crate::numerics::det;
+use crate::numerics::vec::Vec3;
+
+/// A value at a point of the surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScalarConstraint {
+    /// Acts at the point of the surface nearest to this.
+    pub at: Vec3,
+    /// The value there.
+    pub value: f64,
+    /// Acts only within this geodesic distance (along edges), in world units; `None`: on the whole component.
+    pub radius: Option<f64>,
+}
+
+/// Interpolates values over the surface. A component without a constraint without radius has the value `default`, but
+/// within the radius of those with. Every value lies between the least and the greatest of those given and the default.
+/// `list` names the constraints in errors.
+pub fn interpolate(
+    mesh: &TriMesh,
+    topo: &Topology,
+    list: &'static str,
+    constraints: &[ScalarConstraint],
+    default: f64,
+) -> Result<Vec<f64>, Error> {
+    let n = topo.vertex_count();
+    if constraints.is_empty() {
+        return Ok(vec![default; n]);
+    }
+    let which = |index| Which { list, index };
+    if let Some(i) = constraints.iter().position(|c| !c.value.is_finite()) {
+        return Err(Error::NotFinite(which(i)));
+    }
+    let wanted: Vec<_> = constraints.iter().enumerate().map(|(i, c)| (which(i), c.at, c.radius)).collect();
+    let sites = site::sites(mesh, &wanted)?;
+
+    let ones = vec![Complex::ONE; topo.half_edge_count()];
+    let coupling = Coupling { weights: cotangent_weights(mesh, topo), transport: ones };
+    let pin = |(s, c): (&site::Site, &ScalarConstraint)| disc(mesh, topo, &coupling, s, complex(c.value, 0.0));
+    let pins: Vec<Pin> = sites.iter().zip(constraints).map(pin).collect();
+    let (labels, count) = check::components(topo);
+    let mut ruled = vec![false; count];
+    sites.iter().filter(|s| s.radius.is_none()).for_each(|s| ruled[labels[s.vertex as usize] as usize] = true);
+    let free: Vec<bool> = labels.iter().map(|&l| ruled[l as usize]).collect();
+    let mut z = vec![complex(default, 0.0); n];
+    let guide = vec![Guide::default(); n];
+    relax(mesh, topo, &coupling, &pins, &free, [&guide, &guide], &mut z);
+
+    // Harmonic values lie between those given; the solver's error must not change that.
+    let (low, high) = constraints.iter().fold((default, default), |(l, h), c| (l.min(c.value), h.max(c.value)));
+    Ok(z.iter().map(|z| z.re.clamp(low, high)).collect())
+}
+
+/// The scale at each vertex in texels per world unit: `mean` times the local factors (0.001..=1000), interpolated in
+/// their logarithms; 1 where there is no constraint.
+pub fn scale(mesh: &TriMesh, topo: &Topology, mean: f64, factors: &[ScalarConstraint]) -> Result<Vec<f32>, Error> {
+    if !(1e-30..=1e30).contains(&mean) {
+        return Err(Error::Scale(mean));
+    }
+    let mut logs = vec![];
+    for (index, c) in factors.iter().enumerate() {
+        if !(1e-3..=1e3).contains(&c.value) {
+            return Err(Error::Factor { which: Which { list: "scale", index }, factor: c.value });
+        }
+        logs.push(ScalarConstraint { value: det::ln(c.value), ..*c });
+    }
+    let logs = interpolate(mesh, topo, "scale", &logs, 0.0)?;
+    Ok(logs.iter().map(|&l| (mean * det::exp(l)) as f32).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::zoo;
+    use crate::numerics::vec::vec3;
+
+    fn at(x: f64, y: f64, value: f64, radius: Option<f64>) -> ScalarConstraint {
+        ScalarConstraint { at: vec3(x, y, 0.0), value, radius }
+    }
+
+    #[test]
+    fn without_constraints_or_with_one_it_is_constant() {
+        for (name, m) in zoo::all() {
+            let topo = Topology::new(&m);
+            assert!(scale(&m, &topo, 5.0, &[]).unwrap().iter().all(|&s| s == 5.0), "{name}");
+            let one = ScalarConstraint { at: m.positions[0], value: 2.0, radius: None };
+            let s = scale(&m, &topo, 5.0, &[one]).unwrap();
+            let (labels, _) = check::components(&topo);
+            for (v, s) in s.iter().enumerate() {
+                let want = if labels[v] == labels[0] { 10.0 } else { 5.0 };
+                assert!((s - want).abs() < 1e-5, "{name}: {s} at {v}");
+            }
+        }
+    }
+
+    #[test]
+    fn between_two_factors_it_is_their_mean_by_symmetry_and_never_beyond() {
+        let m = zoo::plane(40, 40);
+        let c = [at(5.0, 20.0, 0.25, None), at(35.0, 20.0, 4.0, None)];
+        let s = scale(&m, &Topology::new(&m), 1.0, &c).unwrap();
+        let get = |x: usize, y: usize| s[y * 41 + x];
+        assert!((get(20, 20) - 1.0).abs() < 0.02, "{}", get(20, 20));
+        assert_eq!((get(5, 20), get(35, 20)), (0.25, 4.0));
+        assert!((5..35).all(|x| get(x, 20) <= get(x + 1, 20)), "monotone");
+        assert!(s.iter().all(|s| (0.25..=4.0).contains(s)));
+        assert!(get(10, 20) < 0.8 && get(30, 20) > 1.25, "the disc carries some way: {}", get(10, 20));
+    }
+
+    #[test]
+    fn a_radius_ends_the_influence() {
+        let m = zoo::plane(40, 10);
+        let topo = Topology::new(&m);
+        let s = scale(&m, &topo, 3.0, &[at(10.0, 5.0, 2.0, Some(6.0))]).unwrap();
+        assert_eq!(s[5 * 41 + 10], 6.0);
+        assert!((3.01..5.99).contains(&s[5 * 41 + 13]));
+        assert!((17..=40).all(|x| s[5 * 41 + x] == 3.0));
+        // The same within the reach of another that rules everywhere.
+        let s = scale(&m, &topo, 3.0, &[at(10.0, 5.0, 2.0, Some(6.0)), at(30.0, 5.0, 0.5, None)]).unwrap();
+        assert!((17..=40).all(|x| (s[5 * 41 + x] - 1.5).abs() < 1e-5));
+        assert_eq!(s[5 * 41 + 10], 6.0);
+    }
+
+    #[test]
+    fn bad_factors_are_named() {
+        let m = zoo::plane(2, 2);
+        let topo = Topology::new(&m);
+        for value in [0.0, -2.0, f64::NAN, 1e9] {
+            let e = scale(&m, &topo, 1.0, &[at(0., 0., 1.0, None), at(0., 0., value, None)]).unwrap_err();
+            assert!(e.to_string().starts_with("scale constraint 1: the factor is"), "{e}");
+        }
+        assert!(matches!(scale(&m, &topo, f64::NAN, &[]), Err(Error::Scale(_))));
+        assert!(matches!(
+            interpolate(&m, &topo, "material", &[at(0., 0., f64::NAN, None)], 0.0),
+            Err(Error::NotFinite(_))
+        ));
+    }
+}

@@ -1,0 +1,132 @@
+//! Where a field has no direction: faces around which it turns.
+//!
+//! Source: the index of a cross field on a triangle, as in Ray et al. 2008 (N-Symmetry Direction Field Design). Going
+//! around a face counter-clockwise the field turns against parallel transport by the edges' differences, each less than
+//! half a period; transport itself turns by the area that the normals enclose on the sphere, known up to whole turns.
+//! Of these the one nearest to the face's share of the angle defects of its vertices is taken, so that over a closed
+//! surface the areas sum to 2 pi times the Euler characteristic (Gauss, Bonnet) even where a coarse mesh folds; the
+//! differences cancel, and the indices sum to the characteristic too (Poincaré, Hopf).
+
+use std::f64::consts::TAU;
+
+use super::Symmetry;
+use super::tangent::{frames, transports};
+use crate::mesh::{Topology, TriMesh};
+use crate::numerics::csr::Complex;
+use crate::numerics::det;
+use crate::numerics::vec::Vec3;
+
+/// The singular faces of a field and their indices, by face: 1 for a source, sink or vortex, multiples of 1/2 and 1/4
+/// for symmetry two and four, negative for saddles.
+pub fn singularities(
+    mesh: &TriMesh,
+    topo: &Topology,
+    normals: &[Vec3],
+    up: &[Vec3],
+    symmetry: Symmetry,
+) -> Vec<(u32, f64)> {
+    let n = symmetry.directions();
+    let frames = frames(normals);
+    let carry = transports(mesh, topo, normals, &frames);
+    let z: Vec<Complex> = up.iter().zip(&frames).map(|(u, f)| f.complex(*u).power(n)).collect();
+    // How far the field at j is turned from that at i carried to j; antisymmetric to the bit.
+    let turn = |i: u32, j: u32| {
+        let forward = |a: u32, b: u32| {
+            let Some(h) = topo.find(a, b) else { return 0.0 };
+            let d = (carry[h].power(n) * z[a as usize]).conj() * z[b as usize];
+            det::atan2(d.im, d.re)
+        };
+        if i < j { forward(i, j) } else { -forward(j, i) }
+    };
+    let curvature = face_curvatures(mesh, topo);
+    let mut found = vec![];
+    for (f, &[a, b, c]) in mesh.faces.iter().enumerate() {
+        let area = solid_angle([a, b, c].map(|v| normals[v as usize]));
+        let area = area - ((area - curvature[f]) / TAU).round() * TAU;
+        let turns = (turn(a, b) + turn(b, c) + turn(c, a) + f64::from(n) * area) / TAU;
+        let index = turns.round() / f64::from(n);
+        if index != 0.0 {
+            found.push((f as u32, index));
+        }
+    }
+    found
+}
+
+/// Each face's share of its vertices' angle defects, by its share of their angles. Vertices whose faces do not close up
+/// have none.
+fn face_curvatures(mesh: &TriMesh, topo: &Topology) -> Vec<f64> {
+    let angles = |f: usize| -> [f64; 3] {
+        let p = mesh.corners(f);
+        std::array::from_fn(|k| {
+            let (a, b) = (p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]);
+            det::atan2(a.cross(b).length(), a.dot(b))
+        })
+    };
+    let mut sum = vec![0.0; topo.vertex_count()];
+    for (f, face) in mesh.faces.iter().enumerate() {
+        face.iter().zip(angles(f)).for_each(|(&v, a)| sum[v as usize] += a);
+    }
+    let per_angle = |v: u32| {
+        let closed = topo.faces(v).len() == topo.neighbours(v).len() && sum[v as usize] > 0.0;
+        if closed { TAU / sum[v as usize] - 1.0 } else { 0.0 }
+    };
+    let of = |f: usize| mesh.faces[f].iter().zip(angles(f)).map(|(&v, a)| a * per_angle(v)).sum();
+    (0..mesh.faces.len()).map(of).collect()
+}
+
+/// Signed area of the spherical triangle of three unit vectors (Van Oosterom, Strackee 1983).
+fn solid_angle([a, b, c]: [Vec3; 3]) -> f64 {
+    2.0 * det::atan2(a.dot(b.cross(c)), 1.0 + a.dot(b) + b.dot(c) + c.dot(a))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{OrientationConstraint, orientation};
+    use super::*;
+    use crate::mesh::check::census;
+    use crate::mesh::{PrepareParams, prepare, zoo};
+    use crate::numerics::vec::vec3;
+
+    #[test]
+    fn indices_of_closed_meshes_sum_to_the_euler_characteristic() {
+        let mut meshes: Vec<(&str, TriMesh)> = vec![
+            ("icosphere", zoo::icosphere(3)),
+            ("torus", zoo::torus(30, 16)),
+            ("tetrahedron", zoo::tetrahedron()),
+            ("cube", zoo::cube()),
+            ("two components", zoo::two_components()),
+        ];
+        meshes.extend(["spot", "cheburashka", "bob"].iter().filter_map(|n| Some((*n, zoo::obj(&format!("{n}.obj"))?))));
+        for (name, m) in meshes {
+            let topo = Topology::new(&m);
+            let (normals, euler) = (m.vertex_normals(), census(&m, &topo).euler);
+            let tilted = OrientationConstraint { at: m.positions[0], up: vec3(0.2, 0.9, -0.3), radius: None };
+            for symmetry in [Symmetry::One, Symmetry::Two, Symmetry::Four] {
+                for anchors in [vec![], vec![tilted]] {
+                    let up = orientation(&m, &topo, &normals, &anchors, &[], symmetry).unwrap();
+                    let found = singularities(&m, &topo, &normals, &up, symmetry);
+                    let sum: f64 = found.iter().map(|s| s.1).sum();
+                    println!("{name} {symmetry:?}: {} singular faces", found.len());
+                    assert_eq!(sum, euler as f64, "{name} {symmetry:?} {found:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_cube_with_quarter_turns_has_its_eight_corners() {
+        let prepared = prepare(&zoo::surface(zoo::cube()), &PrepareParams::new(160.0, [64, 64]));
+        let m = prepared.unwrap().mesh;
+        let (topo, normals) = (Topology::new(&m), m.vertex_normals());
+        let up = orientation(&m, &topo, &normals, &[], &[], Symmetry::Four).unwrap();
+        let found = singularities(&m, &topo, &normals, &up, Symmetry::Four);
+        assert_eq!(found.len(), 8, "{found:?}");
+        assert!(found.iter().all(|s| s.1 == 0.25));
+    }
+
+    #[test]
+    fn an_eighth_of_the_sphere() {
+        let octant = [vec3(1., 0., 0.), vec3(0., 1., 0.), vec3(0., 0., 1.)];
+        assert!((solid_angle(octant) - std::f64::consts::FRAC_PI_2).abs() < 1e-15);
+    }
+}
