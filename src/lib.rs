@@ -43,4 +43,6 @@ pub mod exemplar;
 pub mod field;
 pub mod mesh;
 pub mod numerics;
+pub mod synth;
 pub mod texture;
+pub mod uvset;

@@ -1,0 +1,26 @@
+//! Synthesis: walks through the jump map that give every output pixel or mesh vertex an address in the exemplar.
+//!
+//! Flat images (\[ZG02\] section 3): an [`image_order`], the [`image_walk`], then [`image_copy`]. Meshes (\[ZG03\] section
+//! 4): a [`vertex_order`] or a [`rendering_sequence`], the [`vertex_walk`], then [`corner`] turns addresses of vertices into coordinates of corners.
+//! [`image_refine`] and [`vertex_refine`] go beyond the papers: passes, from coarse to fine, in which every neighbour is
+//! known. Without them the result is the published method's.
+//! Unaware of: how the jump map or the offsets were made, what the outputs are used for, files.
+
+pub mod corner;
+mod error;
+mod hierarchy;
+pub mod image_copy;
+pub mod image_order;
+pub mod image_refine;
+pub mod image_walk;
+pub mod rendering_sequence;
+mod room;
+mod seam;
+pub mod vertex_order;
+pub mod vertex_refine;
+pub mod vertex_walk;
+
+#[cfg(test)]
+mod testing;
+
+pub use error::{Error, MAX_PIXELS};
