@@ -39,6 +39,7 @@
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 
+pub mod bake;
 pub mod exemplar;
 pub mod field;
 pub mod mesh;
