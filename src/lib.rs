@@ -44,6 +44,7 @@ pub mod exemplar;
 pub mod field;
 pub mod mesh;
 pub mod numerics;
+pub mod render;
 pub mod synth;
 pub mod texture;
 pub mod uvset;
