@@ -1,0 +1,106 @@
+//! The only door to the file system.
+//!
+//! [`Real`] is the file system; [`Memory`] is one in memory, with times that only move on a write, for tests of the
+//! engine. Errors are `std::io::Error`s whose text does not name the path; callers add it.
+
+mod memory;
+mod real;
+
+pub use memory::{Memory, Op};
+pub use real::{Real, TEMPORARY_PREFIX};
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// What tells, without reading it, whether a file may have changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Stamp {
+    /// Length in bytes.
+    pub len: u64,
+    /// Modification time in nanoseconds since 1970.
+    pub mtime_ns: i128,
+    /// Inode or file index; 0 where there is none.
+    pub inode: u64,
+}
+
+/// Held while work goes on that two processes must not do at once; dropping it lets the next one in.
+pub trait Lock: Send {}
+
+/// A file system: the real one, or one in memory for tests of the engine.
+///
+/// Errors are `std::io::Error`s whose text does not name the path; callers add it.
+pub trait Disk: Send + Sync {
+    /// The whole file; refuses one larger than `limit` bytes before reading it (`ErrorKind::FileTooLarge`), and what
+    /// is not a file: a folder (`IsADirectory`), a pipe or device (`InvalidInput`).
+    fn read(&self, path: &Path, limit: u64) -> io::Result<Vec<u8>>;
+    /// Stamp of a file; `None` if there is no such file. A folder is an error (`IsADirectory`).
+    fn stamp(&self, path: &Path) -> io::Result<Option<Stamp>>;
+    /// Writes a whole file: it appears complete or not at all, also after a kill or on a full disk. Makes missing
+    /// folders. A power cut may lose it: enough for whatever is checked when read, such as cache entries.
+    fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()>;
+    /// As [`Disk::write`], and on the medium when it returns: for what nobody checks later, such as outputs.
+    fn write_synced(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+        self.write(path, bytes)
+    }
+    /// Removes a file; no error if it is not there.
+    fn remove(&self, path: &Path) -> io::Result<()>;
+    /// Files below a folder (recursively, not through links to folders), sorted; empty if there is no such folder.
+    fn list(&self, folder: &Path) -> io::Result<Vec<PathBuf>>;
+    /// Takes the advisory lock that the file at `path` stands for, making the file where it is missing; `None` if
+    /// another holder has it. Unreliable on old network file systems: a courtesy, never what keeps files whole.
+    fn try_lock(&self, path: &Path) -> io::Result<Option<Box<dyn Lock>>>;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::ErrorKind;
+
+    /// What every disk promises, below the folder `root`.
+    fn contract(disk: &dyn Disk, root: &Path) {
+        let at = |name: &str| root.join(name);
+        assert_eq!(disk.read(&at("a/b"), 9).unwrap_err().kind(), ErrorKind::NotFound);
+        assert_eq!(disk.stamp(&at("a/b")).unwrap(), None);
+        assert_eq!(disk.list(&at("a")).unwrap(), Vec::<PathBuf>::new());
+        disk.remove(&at("a/b")).unwrap();
+
+        disk.write(&at("a/b"), b"12345").unwrap();
+        assert_eq!(disk.read(&at("a/b"), 5).unwrap(), b"12345");
+        assert_eq!(disk.read(&at("a/b"), 4).unwrap_err().kind(), ErrorKind::FileTooLarge);
+        let old = disk.stamp(&at("a/b")).unwrap().unwrap();
+        assert_eq!(old.len, 5);
+        disk.write_synced(&at("a/b"), b"54321").unwrap();
+        assert_eq!(disk.read(&at("a/b"), 5).unwrap(), b"54321");
+        assert_ne!(disk.stamp(&at("a/b")).unwrap().unwrap(), old, "a replaced file has another stamp");
+
+        // Folders are not files, and files are not folders.
+        assert_eq!(disk.read(&at("a"), 9).unwrap_err().kind(), ErrorKind::IsADirectory);
+        assert_eq!(disk.stamp(&at("a")).unwrap_err().kind(), ErrorKind::IsADirectory);
+        assert!(disk.write(&at("a"), b"x").is_err());
+        assert!(disk.write(&at("a/b/c"), b"x").is_err());
+        assert_eq!(disk.stamp(&at("a/b/c")).unwrap(), None);
+
+        disk.write(&at("a/c/d"), b"").unwrap();
+        disk.write(&at("a.txt"), b"").unwrap();
+        assert_eq!(disk.list(&at("a")).unwrap(), [at("a/b"), at("a/c/d")]);
+        disk.remove(&at("a/b")).unwrap();
+        assert_eq!(disk.list(root).unwrap(), [at("a/c/d"), at("a.txt")]);
+
+        let held = disk.try_lock(&at("locks/one")).unwrap();
+        assert!(held.is_some());
+        assert!(disk.try_lock(&at("locks/one")).unwrap().is_none());
+        drop(held);
+        assert!(disk.try_lock(&at("locks/one")).unwrap().is_some());
+    }
+
+    #[test]
+    fn the_real_disk_keeps_the_contract() {
+        let folder = tempfile::tempdir().unwrap();
+        contract(&Real, folder.path());
+    }
+
+    #[test]
+    fn the_disk_in_memory_keeps_the_contract() {
+        contract(&Memory::new(), Path::new("/root"));
+    }
+}
