@@ -43,6 +43,7 @@ pub mod bake;
 pub mod disk;
 pub mod exemplar;
 pub mod field;
+pub mod io;
 pub mod mesh;
 pub mod numerics;
 pub mod render;

@@ -1,0 +1,111 @@
+//! Artefacts: what steps hand to each other, as bytes.
+//!
+//! A header (magic, tag of the type) and then fields in a fixed order, little-endian, arrays preceded by their length.
+//! The cache checks the bytes by their hash before they are used, so a reader here meets damage only when a type's
+//! layout changed without its step's revision; it then returns an error, never panics and never allocates more than the
+//! bytes that are there. Unaware of: caches, keys, files.
+
+mod types;
+
+use bytemuck::Pod;
+
+/// Bytes that are not the artefact they should be.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Damaged(pub String);
+
+impl std::fmt::Display for Damaged {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "a damaged artefact: {}", self.0)
+    }
+}
+
+impl std::error::Error for Damaged {}
+
+const MAGIC: [u8; 4] = *b"kiln";
+
+/// A value that steps exchange.
+pub trait Artefact: Sized {
+    /// Four letters that tell the type.
+    const TAG: [u8; 4];
+    /// Appends all fields.
+    fn write(&self, to: &mut Writer);
+    /// Reads the fields in the same order and checks what the type promises.
+    fn read(from: &mut Reader<'_>) -> Result<Self, Damaged>;
+
+    /// The whole artefact.
+    fn to_bytes(&self) -> Vec<u8> {
+        let mut w = Writer(Vec::new());
+        w.0.extend_from_slice(&MAGIC);
+        w.0.extend_from_slice(&Self::TAG);
+        self.write(&mut w);
+        w.0
+    }
+
+    /// The value of a whole artefact.
+    fn from_bytes(bytes: &[u8]) -> Result<Self, Damaged> {
+        let mut r = Reader(bytes);
+        if r.take(4)? != MAGIC || r.take(4)? != Self::TAG {
+            return Err(Damaged(format!("not one of type {}", String::from_utf8_lossy(&Self::TAG))));
+        }
+        let value = Self::read(&mut r)?;
+        if r.0.is_empty() { Ok(value) } else { Err(Damaged(format!("{} bytes too many", r.0.len()))) }
+    }
+}
+
+/// Grows an artefact field by field.
+pub struct Writer(Vec<u8>);
+
+impl Writer {
+    /// One plain value.
+    pub fn put<T: Pod>(&mut self, value: T) {
+        self.0.extend_from_slice(bytemuck::bytes_of(&value));
+    }
+
+    /// An array: its length, then its items.
+    pub fn slice<T: Pod>(&mut self, items: &[T]) {
+        self.put(items.len() as u64);
+        self.0.extend_from_slice(bytemuck::cast_slice(items));
+    }
+
+    /// A text.
+    pub fn text(&mut self, text: &str) {
+        self.slice(text.as_bytes());
+    }
+}
+
+/// Reads an artefact field by field.
+pub struct Reader<'a>(&'a [u8]);
+
+impl<'a> Reader<'a> {
+    fn take(&mut self, n: usize) -> Result<&'a [u8], Damaged> {
+        let (head, rest) =
+            self.0.split_at_checked(n).ok_or_else(|| Damaged(format!("{n} bytes expected, {} left", self.0.len())))?;
+        self.0 = rest;
+        Ok(head)
+    }
+
+    /// One plain value.
+    pub fn get<T: Pod>(&mut self) -> Result<T, Damaged> {
+        Ok(bytemuck::pod_read_unaligned(self.take(size_of::<T>())?))
+    }
+
+    /// An array.
+    pub fn slice<T: Pod>(&mut self) -> Result<Vec<T>, Damaged> {
+        let n = self.get::<u64>()?;
+        let bytes = usize::try_from(n)
+            .ok()
+            .and_then(|n| n.checked_mul(size_of::<T>()))
+            .ok_or_else(|| Damaged(format!("an array of {n} items")))?;
+        Ok(bytemuck::pod_collect_to_vec(self.take(bytes)?))
+    }
+
+    /// A text.
+    pub fn text(&mut self) -> Result<String, Damaged> {
+        String::from_utf8(self.slice()?).map_err(|_| Damaged("a text that is not UTF-8".into()))
+    }
+}
+
+/// `Ok` if the condition holds.
+fn check(holds: bool, what: &str) -> Result<(), Damaged> {
+    if holds { Ok(()) } else { Err(Damaged(what.into())) }
+}

@@ -1,0 +1,266 @@
+//! The artefact form of each type that steps exchange.
+
+use super::{Artefact, Damaged, Reader, Writer, check};
+use crate::bake::Atlas;
+use crate::field::Field;
+use crate::io::{Pixels, Samples};
+use crate::mesh::{Part, Surface, SynthesisMesh, TriMesh};
+use crate::texture::{MapKind, MapSet, Texture};
+use crate::uvset::{Blend, UvSets};
+
+fn write_texture(t: &Texture, w: &mut Writer) {
+    w.put([t.width(), t.height(), t.channels()]);
+    w.slice(t.data());
+}
+
+fn read_texture(r: &mut Reader<'_>) -> Result<Texture, Damaged> {
+    let [width, height, channels] = r.get::<[u32; 3]>()?;
+    let data: Vec<f32> = r.slice()?;
+    let len = u128::from(width) * u128::from(height) * u128::from(channels);
+    check(len > 0 && len == data.len() as u128, "a texture's length is not its size")?;
+    Ok(Texture::from_data(width, height, channels, data))
+}
+
+impl Artefact for MapSet {
+    const TAG: [u8; 4] = *b"maps";
+
+    fn write(&self, w: &mut Writer) {
+        w.put(self.iter().count() as u32);
+        for (kind, texture) in self.iter() {
+            w.text(kind.name());
+            write_texture(texture, w);
+        }
+    }
+
+    fn read(r: &mut Reader<'_>) -> Result<Self, Damaged> {
+        let mut maps: Vec<(MapKind, Texture)> = Vec::new();
+        for _ in 0..r.get::<u32>()? {
+            let name = r.text()?;
+            let kind = MapKind::ALL.into_iter().find(|k| k.name() == name);
+            let kind = kind.ok_or_else(|| Damaged(format!("no map is called {name}")))?;
+            let t = read_texture(r)?;
+            let fits = maps.first().is_none_or(|(_, f)| (f.width(), f.height()) == (t.width(), t.height()));
+            check(fits && t.channels() == kind.channels(), "maps that do not fit each other")?;
+            check(maps.iter().all(|(k, _)| *k != kind), "a map comes twice")?;
+            maps.push((kind, t));
+        }
+        check(!maps.is_empty(), "a set without maps")?;
+        Ok(MapSet::new(maps))
+    }
+}
+
+fn write_mesh(m: &TriMesh, w: &mut Writer) {
+    w.slice(&m.positions);
+    w.slice(&m.faces);
+}
+
+fn read_mesh(r: &mut Reader<'_>) -> Result<TriMesh, Damaged> {
+    let mesh = TriMesh { positions: r.slice()?, faces: r.slice()? };
+    let n = mesh.positions.len() as u64;
+    check(mesh.faces.iter().flatten().all(|&v| u64::from(v) < n), "an index beyond the vertices")?;
+    Ok(mesh)
+}
+
+impl Artefact for Surface {
+    const TAG: [u8; 4] = *b"surf";
+
+    fn write(&self, w: &mut Writer) {
+        write_mesh(&self.mesh, w);
+        w.slice(&self.corner_normals);
+        w.put(u8::from(self.has_normals));
+        w.put(self.corner_uvs.len() as u32);
+        for set in &self.corner_uvs {
+            w.slice(set);
+        }
+        w.put(self.parts.len() as u32);
+        for Part { mesh, primitive, vertices, faces, to_world } in &self.parts {
+            w.put([*mesh, *primitive, vertices.start, vertices.end, faces.start, faces.end]);
+            w.put(*to_world);
+        }
+    }
+
+    fn read(r: &mut Reader<'_>) -> Result<Self, Damaged> {
+        let mesh = read_mesh(r)?;
+        let corners = mesh.faces.len() * 3;
+        let corner_normals: Vec<_> = r.slice()?;
+        check(corner_normals.len() == corners, "one normal per corner")?;
+        let has_normals = r.get::<u8>()? != 0;
+        let mut corner_uvs = Vec::new();
+        for _ in 0..r.get::<u32>()? {
+            let set: Vec<_> = r.slice()?;
+            check(set.len() == corners, "one UV per corner")?;
+            corner_uvs.push(set);
+        }
+        let mut parts = Vec::new();
+        for _ in 0..r.get::<u32>()? {
+            let [m, primitive, v0, v1, f0, f1] = r.get::<[u32; 6]>()?;
+            let fits = v0 <= v1 && v1 as usize <= mesh.positions.len() && f0 <= f1 && f1 as usize <= mesh.faces.len();
+            check(fits, "a part beyond the mesh")?;
+            parts.push(Part { mesh: m, primitive, vertices: v0..v1, faces: f0..f1, to_world: r.get()? });
+        }
+        Ok(Surface { mesh, corner_normals, has_normals, corner_uvs, parts })
+    }
+}
+
+impl Artefact for SynthesisMesh {
+    const TAG: [u8; 4] = *b"mesh";
+
+    fn write(&self, w: &mut Writer) {
+        write_mesh(&self.mesh, w);
+        w.slice(&self.parent);
+        w.slice(&self.parent_bary);
+    }
+
+    fn read(r: &mut Reader<'_>) -> Result<Self, Damaged> {
+        let m = SynthesisMesh { mesh: read_mesh(r)?, parent: r.slice()?, parent_bary: r.slice()? };
+        let n = m.mesh.faces.len();
+        check(m.parent.len() == n && m.parent_bary.len() == n, "one parent per face")?;
+        Ok(m)
+    }
+}
+
+impl Artefact for Field {
+    const TAG: [u8; 4] = *b"fld1";
+
+    fn write(&self, w: &mut Writer) {
+        w.slice(&self.up);
+        w.slice(&self.scale);
+    }
+
+    fn read(r: &mut Reader<'_>) -> Result<Self, Damaged> {
+        let f = Field { up: r.slice()?, scale: r.slice()? };
+        check(f.up.len() == f.scale.len(), "one scale per vertex")?;
+        Ok(f)
+    }
+}
+
+impl Artefact for Atlas {
+    const TAG: [u8; 4] = *b"atl1";
+
+    fn write(&self, w: &mut Writer) {
+        w.put([self.width, self.height, self.chart_count]);
+        w.put(self.texels_per_unit);
+        w.slice(&self.corner_uv);
+        w.slice(&self.chart);
+    }
+
+    fn read(r: &mut Reader<'_>) -> Result<Self, Damaged> {
+        let [width, height, chart_count] = r.get::<[u32; 3]>()?;
+        let texels_per_unit = r.get()?;
+        let (corner_uv, chart): (Vec<_>, Vec<_>) = (r.slice()?, r.slice()?);
+        check(corner_uv.len() == 3 * chart.len() && width > 0 && height > 0, "three corners per face")?;
+        Ok(Atlas { width, height, corner_uv, chart, chart_count, texels_per_unit })
+    }
+}
+
+impl Artefact for UvSets {
+    const TAG: [u8; 4] = *b"uvs1";
+
+    fn write(&self, w: &mut Writer) {
+        w.put(self.exemplar_size);
+        w.put(match self.blend {
+            Blend::Linear => 0u8,
+            Blend::Variance => 1,
+            Blend::Nearest => 2,
+        });
+        w.put(self.sets.len() as u32);
+        for set in &self.sets {
+            w.slice(set);
+        }
+        w.slice(&self.weights);
+    }
+
+    fn read(r: &mut Reader<'_>) -> Result<Self, Damaged> {
+        let exemplar_size = r.get()?;
+        let blend = match r.get::<u8>()? {
+            0 => Blend::Linear,
+            1 => Blend::Variance,
+            2 => Blend::Nearest,
+            b => return Err(Damaged(format!("blend {b}"))),
+        };
+        let n = r.get::<u32>()?;
+        check((1..=4).contains(&n), "one to four sets")?;
+        let sets = (0..n).map(|_| r.slice()).collect::<Result<Vec<Vec<_>>, _>>()?;
+        let weights: Vec<[f32; 4]> = r.slice()?;
+        check(sets.iter().all(|s| s.len() == weights.len()), "one coordinate per corner")?;
+        Ok(UvSets { exemplar_size, sets, weights, blend })
+    }
+}
+
+impl Artefact for Pixels {
+    const TAG: [u8; 4] = *b"pix1";
+
+    fn write(&self, w: &mut Writer) {
+        w.put([self.width, self.height, self.channels]);
+        match &self.samples {
+            Samples::U8(s) => {
+                w.put(0u8);
+                w.slice(s);
+            }
+            Samples::U16(s) => {
+                w.put(1u8);
+                w.slice(s);
+            }
+            Samples::F32(s) => {
+                w.put(2u8);
+                w.slice(s);
+            }
+        }
+    }
+
+    fn read(r: &mut Reader<'_>) -> Result<Self, Damaged> {
+        let [width, height, channels] = r.get::<[u32; 3]>()?;
+        let (len, samples) = match r.get::<u8>()? {
+            0 => r.slice().map(|s| (s.len(), Samples::U8(s)))?,
+            1 => r.slice().map(|s| (s.len(), Samples::U16(s)))?,
+            2 => r.slice().map(|s| (s.len(), Samples::F32(s)))?,
+            t => return Err(Damaged(format!("sample type {t}"))),
+        };
+        check(len as u128 == u128::from(width) * u128::from(height) * u128::from(channels), "samples of another size")?;
+        Ok(Pixels { width, height, channels, samples })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numerics::vec::vec3;
+    use crate::texture::texel;
+
+    fn sets() -> UvSets {
+        UvSets {
+            exemplar_size: [8, 9],
+            sets: vec![vec![texel(1.0, 2.0); 3]; 2],
+            weights: vec![[0.5, 0.5, 0.0, 0.0]; 3],
+            blend: Blend::Variance,
+        }
+    }
+
+    #[test]
+    fn values_survive_the_round_trip() {
+        let s = sets();
+        assert_eq!(UvSets::from_bytes(&s.to_bytes()), Ok(s));
+        let maps = MapSet::new(vec![
+            (MapKind::Height, Texture::from_data(2, 1, 1, vec![0.25, 1.0])),
+            (MapKind::BaseColor, Texture::new(2, 1, 3)),
+        ]);
+        assert_eq!(MapSet::from_bytes(&maps.to_bytes()), Ok(maps));
+        let mesh = TriMesh { positions: vec![vec3(0.0, 0.0, 1.0); 3], faces: vec![[0, 1, 2]] };
+        let m = SynthesisMesh { mesh, parent: vec![0], parent_bary: vec![[[1.0, 0.0, 0.0]; 3]] };
+        assert_eq!(SynthesisMesh::from_bytes(&m.to_bytes()), Ok(m));
+        let p = Pixels { width: 1, height: 2, channels: 1, samples: Samples::U16(vec![1, 65535]) };
+        assert_eq!(Pixels::from_bytes(&p.to_bytes()), Ok(p));
+    }
+
+    #[test]
+    fn damage_is_an_error_wherever_it_is() {
+        let bytes = sets().to_bytes();
+        for cut in 0..bytes.len() {
+            assert!(UvSets::from_bytes(&bytes[..cut]).is_err(), "cut at {cut}");
+        }
+        assert!(Field::from_bytes(&bytes).is_err(), "another type");
+        let mut long = bytes.clone();
+        long[21..29].copy_from_slice(&u64::MAX.to_le_bytes()); // the length of the first set
+        assert!(UvSets::from_bytes(&long).is_err(), "an absurd length must not be allocated");
+    }
+}

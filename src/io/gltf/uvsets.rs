@@ -1,0 +1,425 @@
+//! A UV-set bake as a .glb: the synthesis mesh with the sample's coordinates and weights at its corners.
+//!
+//! Source: \[ZG03\] 4.4 (a base vertex's set weighs one there and nothing at the others); glTF 2.0; the extension
+//! KILN_uv_sets, which is described at [`write_uv_sets`].
+//! In: the document, its surface, the synthesis mesh and what was synthesised on it. Out: a self-contained .glb.
+//! Reads as: corners become one vertex where they come from the same point of the input with the same weights and their
+//! coordinates differ by less than the tolerance; the first corner's count. A point between vertices has one position
+//! in a mesh, whichever triangle it is reached from.
+//! Unaware of: which method made the sets.
+
+use serde_json::{Value, json};
+
+use super::accessor::{Component, Format};
+use super::document::Document;
+use super::edit::Editor;
+use super::interpolate::{self, Mix, share_out};
+use super::material::{self, BakedMaps, Use};
+use super::nodes::Linear;
+use super::primitive::{self, Stream};
+use super::refs::Kind;
+use super::validate::Semantic;
+use crate::io::SceneError;
+use crate::mesh::{Part, Surface, SynthesisMesh};
+use crate::numerics::vec::{Vec3, vec3};
+use crate::uvset::{Blend, UvSets};
+
+/// Vertices at one point that a corner is compared with: a fan of thousands of corners stays linear.
+const LOOKBACK: usize = 64;
+
+/// The third coordinate of a material-space bake.
+#[derive(Clone, Copy, Debug)]
+pub struct MaterialSpace<'a> {
+    /// Position on the material axis per corner of the synthesis mesh, 0..1.
+    pub values: &'a [f32],
+    /// Layers of the tile.
+    pub layers: u32,
+    /// File name of the tile beside the scene.
+    pub tile: &'a str,
+}
+
+/// How a UV-set bake is written.
+#[derive(Clone, Copy, Debug)]
+pub struct UvSetOutput<'a> {
+    /// Texels within which corners may share a vertex.
+    pub weld_texels: f32,
+    /// The sample's maps, shown on set 0.
+    pub maps: &'a BakedMaps,
+    /// The sample's mean colour, linear.
+    pub mean_color: Option<[f32; 3]>,
+    /// Mean of each map by its name, linear.
+    pub means: &'a [(String, Vec<f32>)],
+    /// Also write the weights as sets of coordinates after the sets, for engines without custom attributes.
+    pub repeat_weights_in_uv: bool,
+    /// For material-space bakes.
+    pub material_space: Option<MaterialSpace<'a>>,
+}
+
+/// Writes a UV-set bake.
+///
+/// TEXCOORD_0..n-1 are the sets as shares of the sample, `_KILN_WEIGHTS` (VEC4, normalised u8 or u16, their sum exactly
+/// one) their weights; with `repeat_weights_in_uv` TEXCOORD_n = (w0, w1) and, for four sets, TEXCOORD_n+1 = (w2, w3).
+/// The input's sets move up behind. Each baked material has an extension object `KILN_uv_sets`, repeated in
+/// `extras.kiln` for tools that drop unknown extensions:
+///
+/// `sets` (1..=4), `blend` ("linear", "variance", "none": the set of greatest weight alone), `exemplarSize` (texels), `weights` ("_KILN_WEIGHTS"),
+/// `weightsTexCoord` (n, if repeated), `meanColor` (linear), `means` (per map), and for material-space bakes `material`
+/// ("_KILN_MATERIAL", SCALAR), `layers`, `tile`.
+///
+/// A primitive none of whose triangles is in the synthesis mesh stays as it was.
+pub fn write_uv_sets(
+    doc: &Document,
+    surface: &Surface,
+    synthesis: &SynthesisMesh,
+    sets: &UvSets,
+    output: &UvSetOutput,
+) -> Result<Vec<u8>, SceneError> {
+    primitive::check_parts(doc, surface)?;
+    check(surface, synthesis, sets, output)?;
+    let faces = faces_by_part(surface, synthesis);
+    let parts: Vec<Part> =
+        surface.parts.iter().zip(&faces).filter(|(_, f)| !f.is_empty()).map(|(p, _)| p.clone()).collect();
+    let repeated = if output.repeat_weights_in_uv { 1 + usize::from(sets.sets.len() > 3) } else { 0 };
+    let shift = sets.sets.len() + repeated;
+    let mut editor = Editor::new(doc);
+    for part in &parts {
+        primitive::strip(editor.primitive(part.mesh, part.primitive), false, false);
+    }
+    let materials = material::prepare(&mut editor, &parts, &output.maps.material_name, shift);
+    editor.release();
+    let mut points = Points { mesh: vec![u32::MAX; synthesis.mesh.positions.len()], at: Vec::new() };
+    points.at.resize(points.mesh.len(), [0.0; 3]);
+    for (part, faces) in surface.parts.iter().zip(&faces).filter(|(_, f)| !f.is_empty()) {
+        let job = Job::new(doc, surface, synthesis, sets, output, part, faces);
+        job.write(&mut editor, &mut points, shift as u32);
+    }
+    material::fill(&mut editor, &materials, output.maps);
+    let description = describe(sets, output);
+    for m in materials {
+        let material = editor.entry(Kind::Material, m);
+        set_in(material, "extensions", "KILN_uv_sets", &description);
+        set_in(material, "extras", "kiln", &description);
+    }
+    editor.declare("KILN_uv_sets", false);
+    editor.finish()
+}
+
+/// Sets a key of an object within an object; what is no object gives way.
+fn set_in(object: &mut Value, key: &str, name: &str, value: &Value) {
+    if !object[key].is_object() {
+        object[key] = json!({});
+    }
+    object[key][name] = value.clone();
+}
+
+fn check(surface: &Surface, synthesis: &SynthesisMesh, sets: &UvSets, output: &UvSetOutput) -> Result<(), SceneError> {
+    let faces = synthesis.mesh.faces.len();
+    primitive::check_length("parents", synthesis.parent.len(), faces)?;
+    primitive::check_length("barycentric triples", synthesis.parent_bary.len(), faces)?;
+    primitive::check_length("weights", sets.weights.len(), 3 * faces)?;
+    for set in &sets.sets {
+        primitive::check_length("coordinates", set.len(), 3 * faces)?;
+    }
+    let values = output.material_space.map_or(3 * faces, |m| m.values.len());
+    primitive::check_length("material values", values, 3 * faces)?;
+    let bad = |what: String| Err(SceneError::Mismatch(what));
+    if !(1..=4).contains(&sets.sets.len()) || sets.exemplar_size.contains(&0) {
+        return bad(format!("{} sets of a sample of {:?}, expected 1..=4", sets.sets.len(), sets.exemplar_size));
+    }
+    if let Some(f) = synthesis.parent.iter().position(|&p| p as usize >= surface.mesh.faces.len()) {
+        return bad(format!("face {f} lies in face {} of {}", synthesis.parent[f], surface.mesh.faces.len()));
+    }
+    let inside = |b: &[f32; 3]| b.iter().all(|w| (-1e-3..=1.001).contains(w)) && b.iter().any(|&w| w > 0.0);
+    if let Some(f) = synthesis.parent_bary.iter().position(|b| !b.iter().all(inside)) {
+        return bad(format!("face {f} has barycentrics {:?}, expected 0..=1", synthesis.parent_bary[f]));
+    }
+    let finite = |c: usize| {
+        sets.sets.iter().all(|s| s[c].x.is_finite() && s[c].y.is_finite())
+            && sets.weights[c].iter().all(|w| w.is_finite())
+            && output.material_space.is_none_or(|m| m.values[c].is_finite())
+    };
+    if let Some(c) = (0..3 * faces).find(|&c| !finite(c)) {
+        return bad(format!("corner {c} has coordinates or weights that are not finite"));
+    }
+    Ok(())
+}
+
+/// Faces of the synthesis mesh in each part, in order.
+fn faces_by_part(surface: &Surface, synthesis: &SynthesisMesh) -> Vec<Vec<u32>> {
+    let mut out = vec![Vec::new(); surface.parts.len()];
+    for (f, &parent) in synthesis.parent.iter().enumerate() {
+        out[surface.parts.partition_point(|p| p.faces.end <= parent)].push(f as u32);
+    }
+    out
+}
+
+/// The extension object.
+fn describe(sets: &UvSets, output: &UvSetOutput) -> Value {
+    let blend = match sets.blend {
+        Blend::Linear => "linear",
+        Blend::Variance => "variance",
+        Blend::Nearest => "none",
+    };
+    let mut out = json!({
+        "sets": sets.sets.len(),
+        "blend": blend,
+        "exemplarSize": sets.exemplar_size,
+        "weights": "_KILN_WEIGHTS",
+    });
+    if output.repeat_weights_in_uv {
+        out["weightsTexCoord"] = sets.sets.len().into();
+    }
+    if let Some(mean) = output.mean_color {
+        out["meanColor"] = mean.iter().copied().map(short).collect();
+    }
+    if !output.means.is_empty() {
+        out["means"] = json!({});
+        for (name, mean) in output.means {
+            out["means"][name] = mean.iter().copied().map(short).collect();
+        }
+    }
+    if let Some(space) = &output.material_space {
+        out["material"] = "_KILN_MATERIAL".into();
+        out["layers"] = space.layers.into();
+        out["tile"] = space.tile.into();
+    }
+    out
+}
+
+/// A number in as few digits as single precision needs.
+fn short(v: f32) -> Value {
+    format!("{v}").parse::<f64>().map_or(Value::Null, Value::from)
+}
+
+/// Positions of points between vertices, per vertex of the synthesis mesh, in the mesh that was written last.
+struct Points {
+    mesh: Vec<u32>,
+    at: Vec<[f32; 3]>,
+}
+
+/// One part being written. Corners are counted within the part.
+struct Job<'a> {
+    doc: &'a Document,
+    sets: &'a UvSets,
+    output: &'a UvSetOutput<'a>,
+    part: &'a Part,
+    /// Per corner: its corner of the synthesis mesh, its vertex there, where it is in the input.
+    corner: Vec<usize>,
+    vertex: Vec<u32>,
+    mix: Vec<Mix>,
+    weights: Vec<[u32; 4]>,
+    weight_type: Component,
+    /// Normals in the object; empty if the input has them or none are wanted.
+    normals: Vec<[f32; 3]>,
+    mirrors: bool,
+}
+
+impl<'a> Job<'a> {
+    fn new(
+        doc: &'a Document,
+        surface: &Surface,
+        synthesis: &SynthesisMesh,
+        sets: &'a UvSets,
+        output: &'a UvSetOutput<'a>,
+        part: &'a Part,
+        faces: &[u32],
+    ) -> Self {
+        let linear = Linear::new(&part.to_world);
+        let same = equal_vertices(doc, part);
+        let corner: Vec<usize> = faces.iter().flat_map(|&f| (0..3).map(move |k| 3 * f as usize + k)).collect();
+        let mix = |&c: &usize| {
+            let vertices = surface.mesh.faces[synthesis.parent[c / 3] as usize];
+            Mix::new(vertices.map(|v| same[(v - part.vertices.start) as usize]), synthesis.parent_bary[c / 3][c % 3])
+        };
+        let (weights, weight_type) = quantise(&corner, sets);
+        let wants_normals = output.maps.has(Use::Normal) && primitive::attribute(doc, part, "NORMAL").is_none();
+        let normal = |&c: &usize| {
+            let first = 3 * synthesis.parent[c / 3] as usize;
+            let bary = synthesis.parent_bary[c / 3][c % 3];
+            let sum = (0..3).fold(Vec3::ZERO, |s, k| s + surface.corner_normals[first + k] * f64::from(bary[k]));
+            let world = sum.normalized().unwrap_or(surface.corner_normals[first]);
+            linear.normal_to_object(world).unwrap_or(vec3(0.0, 0.0, 1.0)).to_f32()
+        };
+        Job {
+            doc,
+            sets,
+            output,
+            part,
+            vertex: corner.iter().map(|&c| synthesis.mesh.faces[c / 3][c % 3]).collect(),
+            mix: corner.iter().map(mix).collect(),
+            weights,
+            weight_type,
+            normals: if wants_normals { corner.iter().map(normal).collect() } else { Vec::new() },
+            mirrors: linear.mirrors(),
+            corner,
+        }
+    }
+
+    /// Whether two corners may be one vertex.
+    fn agree(&self, a: usize, b: usize) -> bool {
+        let near = |x: f32, y: f32| (x - y).abs() <= self.output.weld_texels;
+        let (ca, cb) = (self.corner[a], self.corner[b]);
+        self.mix[a] == self.mix[b]
+            && self.weights[a] == self.weights[b]
+            && self.sets.sets.iter().all(|s| near(s[ca].x, s[cb].x) && near(s[ca].y, s[cb].y))
+            && (self.normals.is_empty() || self.normals[a] == self.normals[b])
+            && self.output.material_space.is_none_or(|m| m.values[ca] == m.values[cb])
+    }
+
+    /// The corners that stand for the vertices, ascending, and the triangles.
+    fn vertices(&self) -> (Vec<usize>, Vec<[u32; 3]>) {
+        let n = self.corner.len();
+        let mut order: Vec<usize> = (0..n).collect();
+        order.sort_unstable_by_key(|&i| (self.vertex[i], i));
+        let mut stands_for = vec![0; n];
+        for at in order.chunk_by(|&a, &b| self.vertex[a] == self.vertex[b]) {
+            let mut distinct: Vec<usize> = Vec::new();
+            for &i in at {
+                let known = distinct.iter().rev().take(LOOKBACK).find(|&&d| self.agree(d, i));
+                stands_for[i] = *known.unwrap_or(&i);
+                if stands_for[i] == i {
+                    distinct.push(i);
+                }
+            }
+        }
+        let firsts: Vec<usize> = (0..n).filter(|&i| stands_for[i] == i).collect();
+        let mut index = vec![0u32; n];
+        firsts.iter().enumerate().for_each(|(k, &i)| index[i] = k as u32);
+        let order = if self.mirrors { [0, 2, 1] } else { [0, 1, 2] };
+        let face = |f: &[usize]| order.map(|k| index[f[k]]);
+        (firsts, stands_for.chunks_exact(3).map(face).collect())
+    }
+
+    fn write(&self, editor: &mut Editor, points: &mut Points, shift: u32) {
+        let (firsts, faces) = self.vertices();
+        let mixes: Vec<Mix> = firsts.iter().map(|&i| self.mix[i]).collect();
+        let old = primitive::of(self.doc, self.part);
+        let mut streams = self.new_streams(&firsts);
+        let skin = interpolate::skin(self.doc, &old["attributes"], &mixes);
+        for (name, a) in primitive::carried(&old["attributes"], shift) {
+            let semantic = Semantic::parse(&name);
+            let stream = match semantic {
+                _ if skin.iter().any(|s| s.0 == name) => continue,
+                Some(Semantic::Position) => self.positions(a, &firsts, points),
+                _ => interpolate::attribute(self.doc, a, semantic, false, &mixes),
+            };
+            streams.push((name, stream));
+        }
+        streams.extend(skin);
+        let targets: Vec<Vec<(String, Stream)>> = primitive::targets(old, shift)
+            .map(|target| {
+                let morph = |(name, a): (String, usize)| {
+                    let stream = interpolate::attribute(self.doc, a, Semantic::parse(&name), true, &mixes);
+                    (name, stream)
+                };
+                target.map(morph).collect()
+            })
+            .collect();
+        let attributes = primitive::write_streams(editor, streams);
+        let targets = primitive::write_targets(editor, targets, firsts.len());
+        let indices = primitive::write_indices(editor, &faces, firsts.len());
+        let entry = editor.primitive(self.part.mesh, self.part.primitive);
+        entry["attributes"] = attributes;
+        entry["indices"] = indices;
+        if let Some(targets) = targets {
+            entry["targets"] = targets;
+        }
+    }
+
+    /// Coordinates, weights, and what else is new.
+    fn new_streams(&self, firsts: &[usize]) -> Vec<(String, Stream)> {
+        let floats = |shape: &str, values: Vec<f32>| {
+            let bytes = values.into_iter().flat_map(f32::to_le_bytes).collect();
+            Stream::new(None, Component::F32, shape, bytes)
+        };
+        let [w, h] = self.sets.exemplar_size.map(|s| s as f32);
+        let mut out: Vec<(String, Stream)> = Vec::new();
+        for (s, set) in self.sets.sets.iter().enumerate() {
+            let uv = firsts.iter().map(|&i| set[self.corner[i]]).flat_map(|t| [t.x / w, t.y / h]).collect();
+            out.push((format!("TEXCOORD_{s}"), floats("VEC2", uv)));
+        }
+        let mut bytes = Vec::new();
+        firsts.iter().flat_map(|&i| self.weights[i]).for_each(|w| self.weight_type.write(f64::from(w), &mut bytes));
+        let format = Format::new(self.weight_type, "VEC4", true);
+        out.push(("_KILN_WEIGHTS".into(), Stream::New { like: None, format, bytes }));
+        if self.output.repeat_weights_in_uv {
+            let n = self.sets.sets.len();
+            let unit = self.weight_type.unit();
+            for (s, pair) in [[0, 1], [2, 3]].into_iter().enumerate().take(if n > 3 { 2 } else { 1 }) {
+                let share = |i: &usize| pair.map(|k| (f64::from(self.weights[*i][k]) / unit) as f32);
+                out.push((format!("TEXCOORD_{}", n + s), floats("VEC2", firsts.iter().flat_map(share).collect())));
+            }
+        }
+        if let Some(space) = &self.output.material_space {
+            let values = firsts.iter().map(|&i| space.values[self.corner[i]]).collect();
+            out.push(("_KILN_MATERIAL".into(), floats("SCALAR", values)));
+        }
+        if !self.normals.is_empty() {
+            out.push(("NORMAL".into(), floats("VEC3", firsts.iter().flat_map(|&i| self.normals[i]).collect())));
+        }
+        out
+    }
+
+    /// Positions; a point between vertices is where the mesh had it first.
+    fn positions(&self, a: usize, firsts: &[usize], points: &mut Points) -> Stream {
+        if firsts.iter().all(|&i| self.mix[i].single().is_some()) {
+            let source: Vec<u32> = firsts.iter().filter_map(|&i| self.mix[i].single()).collect();
+            return Stream::gather(self.doc, a, &source);
+        }
+        let accessor = &self.doc.accessors[a];
+        let packed = accessor.packed(&self.doc.buffers);
+        let mut bytes = Vec::with_capacity(12 * firsts.len());
+        for &i in firsts {
+            let v = self.vertex[i] as usize;
+            let own = interpolate::position(accessor, &packed, &self.mix[i]);
+            let p = if self.mix[i].single().is_some() {
+                own
+            } else if points.mesh[v] == self.part.mesh {
+                points.at[v]
+            } else {
+                (points.mesh[v], points.at[v]) = (self.part.mesh, own);
+                own
+            };
+            bytes.extend(p.into_iter().flat_map(f32::to_le_bytes));
+        }
+        Stream::new(Some(a), Component::F32, "VEC3", bytes)
+    }
+}
+
+/// For each vertex of a part the lowest one whose attributes are all the same.
+fn equal_vertices(doc: &Document, part: &Part) -> Vec<u32> {
+    let old = primitive::of(doc, part);
+    let all = primitive::carried(&old["attributes"], 0).chain(primitive::targets(old, 0).flatten());
+    let mut accessors: Vec<usize> = all.map(|(_, a)| a).collect();
+    accessors.sort_unstable();
+    accessors.dedup();
+    let n = part.vertices.len();
+    let columns: Vec<(usize, Vec<u8>)> =
+        accessors.iter().map(|&a| (doc.accessors[a].format.size(), doc.accessors[a].packed(&doc.buffers))).collect();
+    let compare = |a: u32, b: u32| {
+        let elements = columns.iter().map(|(size, c)| {
+            let at = |v: u32| &c[v as usize * size..(v as usize + 1) * size];
+            at(a).cmp(at(b))
+        });
+        elements.into_iter().find(|o| o.is_ne())
+    };
+    let mut order: Vec<u32> = (0..n as u32).collect();
+    order.sort_unstable_by(|&a, &b| compare(a, b).unwrap_or(a.cmp(&b)));
+    let mut out = vec![0; n];
+    for same in order.chunk_by(|&a, &b| compare(a, b).is_none()) {
+        same.iter().for_each(|&v| out[v as usize] = same[0]);
+    }
+    out
+}
+
+/// Weights as integers whose sum is exactly one: in 8 bits where these are exact, else in 16.
+fn quantise(corner: &[usize], sets: &UvSets) -> (Vec<[u32; 4]>, Component) {
+    let exact = |w: f32| (w * 255.0 - (w * 255.0).round()).abs() < 1e-3;
+    let eight = corner.iter().all(|&c| sets.weights[c].iter().all(|&w| exact(w)));
+    let component = if eight { Component::U8 } else { Component::U16 };
+    let one = |&c: &usize| {
+        let shares = share_out(&sets.weights[c].map(f64::from), component.unit() as u32);
+        [shares[0], shares[1], shares[2], shares[3]]
+    };
+    (corner.iter().map(one).collect(), component)
+}

@@ -1,0 +1,17 @@
+//! Files to values and back: images, scenes, artefacts.
+
+pub mod artefact;
+pub mod gltf;
+mod image_exr;
+pub mod image_file;
+mod image_jpeg;
+mod image_pixels;
+mod image_png;
+pub mod image_quantise;
+pub mod image_set;
+mod obj;
+pub mod scene;
+mod scene_error;
+
+pub use image_pixels::{Pixels, SampleType, Samples};
+pub use scene_error::SceneError;
