@@ -46,6 +46,7 @@ pub mod field;
 pub mod io;
 pub mod mesh;
 pub mod numerics;
+pub mod recipe;
 pub mod render;
 pub mod synth;
 pub mod texture;

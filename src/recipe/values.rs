@@ -1,0 +1,309 @@
+//! A validated recipe: plain values, ready for the kernels.
+//!
+//! Numbers are within their ranges, names are resolved, defaults are filled in, combinations make sense and can be
+//! done by this version. Lengths in mesh units, angles in radians, directions of unit length.
+//! Unaware of: TOML, what the files hold.
+
+use super::words::{
+    Blend, CanvasOrder, Compression, ImageFormat, MapFile, NormalY, Shading, SingularityKind, Unwrap, WalkOrder,
+};
+use crate::numerics::vec::Vec3;
+use crate::texture::MapKind;
+use std::path::PathBuf;
+
+/// One asset: what is textured, from which sample, how, and what is written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recipe {
+    /// The stem of the recipe's file; a plain file name.
+    pub name: String,
+    /// The recipe's file, as it was given.
+    pub path: PathBuf,
+    /// The sample.
+    pub exemplar: Exemplar,
+    /// How the sample is analysed.
+    pub analysis: Analysis,
+    /// How the texture is made from it.
+    pub synthesis: Synthesis,
+    /// What is textured, and what is written.
+    pub target: Target,
+}
+
+/// What a recipe textures.
+#[derive(Clone, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant, reason = "there is one per recipe")]
+pub enum Target {
+    /// A mesh.
+    Mesh(MeshBake),
+    /// A flat image.
+    Canvas(Canvas),
+}
+
+/// A file that a recipe names.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FileRef {
+    /// The key that names it, such as `exemplar.normal`.
+    pub key: String,
+    /// The path as written.
+    pub written: String,
+    /// The path resolved against the recipe's folder, `.` and `..` taken out by name alone.
+    pub path: PathBuf,
+    /// Where it is named, `file:line:column`, for messages.
+    pub place: String,
+}
+
+/// Maps of one sample.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Exemplar {
+    /// The files of the maps in the order of [`MapFile`], at least one. No map is in two files.
+    pub maps: Vec<ExemplarMap>,
+    /// Black and white: where the features are.
+    pub feature_mask: Option<FileRef>,
+    /// Which way the normal map's green channel points.
+    pub normal_y: NormalY,
+    /// Weight of each map in the similarity, all positive, in the order of [`MapKind`]; maps left out weigh nothing.
+    pub importance: Vec<(MapKind, f64)>,
+}
+
+/// A map of the sample.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ExemplarMap {
+    /// Which.
+    pub map: MapFile,
+    /// Its file.
+    pub file: FileRef,
+}
+
+/// The jump map's parameters (\[ZG02\] section 2).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Analysis {
+    /// Sides of the neighbourhoods in texels, odd, finest pyramid level first; at least one.
+    pub neighbourhoods: Vec<u32>,
+    /// Jumps per texel, k.
+    pub jumps: u32,
+    /// Share of the variance that the reduced neighbourhoods keep, 0 < v <= 1.
+    pub variance: f64,
+    /// Leniency of Eq. 1.
+    pub alpha: f64,
+    /// Candidates per jump, beta.
+    pub diversity: u32,
+    /// Radius of the Poisson disc in texels; `None`: from the exemplar's size.
+    pub min_distance: Option<f64>,
+}
+
+/// How the texture is made, on meshes and canvases alike.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Synthesis {
+    /// Seed of every random number.
+    pub seed: u64,
+    /// Mean distance between jumps, in exemplar sides.
+    pub patch: f64,
+    /// Correction passes over all neighbours.
+    pub refine: u32,
+    /// How patches meet.
+    pub blend: Blend,
+}
+
+/// A flat image.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Canvas {
+    /// Texels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// The output wraps in both directions.
+    pub tileable: bool,
+    /// In which order texels are synthesised.
+    pub order: CanvasOrder,
+    /// The maps to write, at least one.
+    pub maps: Vec<MapOutput>,
+    /// How hard PNG files are squeezed.
+    pub compression: Compression,
+}
+
+/// A map to write.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MapOutput {
+    /// Which.
+    pub map: MapFile,
+    /// Its file format.
+    pub format: ImageFormat,
+}
+
+/// A textured mesh and at least one thing to write of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshBake {
+    /// The mesh's file: .glb, .gltf or .obj.
+    pub mesh: FileRef,
+    /// Only the primitives of these materials; `None`: all.
+    pub materials: Option<Vec<String>>,
+    /// How large the sample lies on the surface.
+    pub scale: Scale,
+    /// In which order vertices are visited.
+    pub order: WalkOrder,
+    /// Which way the sample lies.
+    pub field: Field,
+    /// A UV unwrap with finished maps.
+    pub atlas: Option<Atlas>,
+    /// Texture coordinates and weights for a shader.
+    pub uv_sets: Option<UvSets>,
+    /// Golden views.
+    pub renders: Vec<Render>,
+}
+
+/// How large the sample lies on the surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Scale {
+    /// So many exemplar texels per mesh unit.
+    TexelsPerUnit(f64),
+    /// From the mesh's size (\[MK03\] Eq. 1).
+    Auto,
+}
+
+/// In how many directions the sample looks the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Symmetry {
+    /// In one.
+    One,
+    /// In two: upside down.
+    Two,
+    /// In four: quarter turns.
+    Four,
+    /// It has no preferred direction.
+    Isotropic,
+}
+
+/// Constraints on the orientation and the scale over a surface.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Field {
+    /// In how many directions the sample looks the same.
+    pub symmetry: Symmetry,
+    /// "Up" of the sample at points.
+    pub orientation: Vec<Orientation>,
+    /// Points around which the orientation turns.
+    pub singularities: Vec<Singularity>,
+    /// Local factors on the scale.
+    pub scale: Vec<ScalePoint>,
+}
+
+/// "Up" of the sample at a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Orientation {
+    /// The point; the nearest of the surface counts.
+    pub at: Vec3,
+    /// The direction, of unit length.
+    pub up: Vec3,
+    /// Acts only within this geodesic distance.
+    pub radius: Option<f64>,
+}
+
+/// A point around which the orientation turns.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Singularity {
+    /// The point; the nearest of the surface counts.
+    pub at: Vec3,
+    /// What it looks like.
+    pub kind: SingularityKind,
+    /// Acts only within this geodesic distance.
+    pub radius: Option<f64>,
+}
+
+/// A local factor on the scale.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScalePoint {
+    /// The point; the nearest of the surface counts.
+    pub at: Vec3,
+    /// Multiplies the texels per unit.
+    pub factor: f64,
+    /// Acts only within this geodesic distance.
+    pub radius: Option<f64>,
+}
+
+/// A UV unwrap with finished maps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Atlas {
+    /// How large it is.
+    pub size: AtlasSize,
+    /// Texels around each chart; `None`: enough for every mip level.
+    pub gutter: Option<u32>,
+    /// The maps to write, at least one.
+    pub maps: Vec<MapOutput>,
+    /// How hard PNG files are squeezed.
+    pub compression: Compression,
+    /// The gutter and the files are made for mip levels.
+    pub mips: bool,
+    /// Where its texture coordinates come from.
+    pub layout: Layout,
+}
+
+/// How large an atlas is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum AtlasSize {
+    /// Its side in texels.
+    Side(u32),
+    /// Its texels per mesh unit, from which the side follows.
+    TexelsPerUnit(f64),
+}
+
+/// Where an atlas' texture coordinates come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layout {
+    /// A library lays it out.
+    Unwrap(Unwrap),
+    /// The mesh's own TEXCOORD_0.
+    KeepUv,
+}
+
+/// Texture coordinates and weights for a shader.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UvSets {
+    /// Texels within which corners may share a vertex.
+    pub weld: f64,
+}
+
+/// A golden view.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Render {
+    /// Its name, unique in the recipe: `turntable-4` or `camera`; further ones of the same name carry their shading
+    /// (`camera-normal`) or, if that is taken, a number (`camera-2`).
+    pub name: String,
+    /// From where.
+    pub view: View,
+    /// Side of the picture in pixels.
+    pub size: u32,
+    /// What it shows.
+    pub shading: Shading,
+}
+
+/// Where a golden view is taken from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum View {
+    /// So many views around the mesh.
+    Turntable(u32),
+    /// One view.
+    Camera {
+        /// Place of the eye.
+        eye: Vec3,
+        /// The point looked at; not the eye.
+        target: Vec3,
+        /// Vertical field of view in radians.
+        fov: f64,
+    },
+}
+
+/// What holds for every recipe of a project, from `kiln.toml`.
+#[derive(Clone, Debug, Default)]
+pub struct Project {
+    /// Tables merged under each recipe.
+    pub defaults: super::Defaults,
+    /// Where artefacts are kept.
+    pub cache: Cache,
+}
+
+/// Where artefacts are kept.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Cache {
+    /// The folder, resolved against the folder of `kiln.toml`; `None`: kiln's own choice.
+    pub path: Option<FileRef>,
+    /// The cache is trimmed to so many bytes; `None`: no bound.
+    pub max_size: Option<u64>,
+}
