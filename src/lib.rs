@@ -40,6 +40,7 @@
 #![warn(missing_docs)]
 
 pub mod bake;
+pub mod build;
 pub mod disk;
 pub mod exemplar;
 pub mod field;

@@ -1,0 +1,50 @@
+//! The engine: runs the steps that are stale, in parallel, and remembers what they gave.
+//!
+//! ```text
+//!   Graph ---> survey ----> schedule ----> outputs, cache, manifest, Report ---> trace
+//!  (steps,     stamps,      (threads)
+//!   files)     keys  '----> plan ---> words, JSON, DOT
+//! ```
+//!
+//! A step's key is the BLAKE3 of its kind, revision, parameters and its inputs' *contents*; its artefact is stored
+//! under that key. So a step runs only if something that it depends on really differs, and a step that gives the same
+//! bytes as before does not wake those after it. The manifest makes the common case cheap: if no stamp moved, nothing
+//! is read.
+//!
+//! Two kilns on one tree do no harm to each other: everything is written atomically, entries of the cache are what
+//! their names say, and a manifest that misses what the other wrote costs a look into the cache.
+//!
+//! Unaware of: textures, recipes, the command line.
+
+mod books;
+mod cache;
+mod codec;
+mod depfile;
+mod digest;
+mod explain;
+mod graph;
+mod manifest;
+mod options;
+mod plan;
+mod report;
+mod run;
+mod schedule;
+mod survey;
+mod trace;
+
+#[cfg(test)]
+mod history;
+#[cfg(test)]
+mod tests;
+#[cfg(test)]
+mod world;
+
+pub use cache::{Cache, Record, Size};
+pub use depfile::depfile;
+pub use digest::Digest;
+pub use graph::{Bytes, Graph, GraphError, InputId, Inputs, Step, StepError, StepId, Visitor};
+pub use options::{Error, Options};
+pub use plan::{PlannedInput, PlannedStep, State, plan, to_dot, to_json};
+pub use report::{Failure, Outcome, OutputReport, Progress, Report, Silent, StepReport};
+pub use run::run;
+pub use trace::chrome_trace;

@@ -1,0 +1,294 @@
+//! Runs what is stale: ready steps in parallel, each as soon as its inputs are known.
+//!
+//! ```text
+//!   Waiting --all inputs known--> Ready --a thread is free--> Running --+--> Done --bytes wanted, but lost--> Ready
+//!      ^                                                                +--> Failed   (again: `rebuild`)
+//!      '---------- an input's bytes are lost: wait until it is made again; Skipped if an input fails
+//! ```
+//!
+//! A step that gets its turn first computes its key: what the cache knows under it need not run (early cut-off).
+//! The books are behind one lock that is never held while anything is read, run or written. At most `jobs` steps are
+//! under way: a thread that waits inside a step for a parallel loop may take up another step meanwhile, and the bound
+//! keeps its stack shallow. Ready steps start in the order of the graph, recipe by recipe, so that artefacts are
+//! released early.
+//!
+//! Only bytes of the surveyed digest are given to a step, so a file that changes meanwhile cannot get a wrong artefact
+//! into the cache.
+//!
+//! Unaware of: why steps are stale (`survey`), what they do.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use super::books::{Books, Phase, input_digests};
+use super::cache::Record;
+use super::digest::Digest;
+use super::explain;
+use super::graph::{Bytes, Inputs, Node, Source, StepId};
+use super::manifest::FileRecord;
+use super::report::{Failure, Outcome, Progress, StepReport};
+use super::survey::{Artefact, Survey, Verdict, World, find_artefact, stale_outputs};
+
+/// A run under way.
+pub(super) struct Work<'a> {
+    world: &'a World<'a>,
+    survey: &'a Survey,
+    progress: &'a dyn Progress,
+    begun: Instant,
+    books: Mutex<Books>,
+}
+
+/// What a thread needs to know to work on a step.
+struct Task {
+    step: StepId,
+    inputs: Vec<Digest>,
+    rebuild: bool,
+    expected: Option<Artefact>,
+}
+
+/// How a task ended.
+enum End {
+    Done {
+        artefact: Artefact,
+        bytes: Option<Bytes>,
+        outcome: Outcome,
+        reasons: Vec<String>,
+    },
+    /// These inputs must be made again first.
+    Lost(Vec<StepId>),
+    Failed {
+        failure: Failure,
+        reasons: Vec<String>,
+    },
+}
+
+impl<'a> Work<'a> {
+    pub fn new(world: &'a World<'a>, survey: &'a Survey, progress: &'a dyn Progress, begun: Instant) -> Self {
+        Work { world, survey, progress, begun, books: Mutex::new(Books::new(world, survey)) }
+    }
+
+    /// Runs until nothing more can be done; call it on the pool.
+    pub fn run(self) -> Books {
+        rayon::scope(|scope| self.dispatch(scope));
+        self.books.into_inner().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Books> {
+        self.books.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn dispatch<'s>(&'s self, scope: &rayon::Scope<'s>) {
+        while let Some(task) = self.next() {
+            scope.spawn(move |scope| {
+                let start = self.begun.elapsed();
+                let step = task.step;
+                let end = self.attempt(task);
+                self.settle(step, end, start);
+                self.dispatch(scope);
+            });
+        }
+    }
+
+    fn next(&self) -> Option<Task> {
+        let mut books = self.lock();
+        if books.stopped || books.running >= self.world.options.jobs.max(1) {
+            return None;
+        }
+        let step = books.ready.pop_first()?;
+        books.running += 1;
+        let slot = &mut books.slots[step.index()];
+        slot.phase = Phase::Running;
+        let (rebuild, expected) = (slot.rebuild, slot.artefact);
+        let inputs = input_digests(self.world, self.survey, &books.slots, step);
+        debug_assert!(inputs.is_some(), "a step is ready only when its inputs are known");
+        let inputs = inputs.unwrap_or_default();
+        Some(Task { step, inputs, rebuild, expected })
+    }
+
+    /// Finds the artefact in the cache or makes it, and writes its outputs.
+    fn attempt(&self, task: Task) -> End {
+        let Task { step, inputs, rebuild, mut expected } = task;
+        let key = self.world.graph.key(step, &inputs);
+        let mut reasons = match &self.survey.steps[step.index()] {
+            Verdict::Run(_, reasons) | Verdict::Restore(_, reasons) => reasons.clone(),
+            Verdict::Maybe(_) => Vec::new(),
+            _ => vec![explain::LOST.to_string()],
+        };
+        if !rebuild && !self.world.options.force {
+            expected = find_artefact(self.world, step, &key);
+        }
+        if let Some(artefact) = expected.filter(|_| !rebuild) {
+            let stale = stale_outputs(self.world, &self.survey.outputs, step, &artefact.digest);
+            if stale.is_empty() {
+                return End::Done { artefact, bytes: None, outcome: Outcome::UpToDate, reasons: Vec::new() };
+            }
+            if let Some(bytes) = self.artefact_bytes(step, artefact) {
+                if reasons.is_empty() {
+                    let why = |&output: &usize| explain::output(self.world, output, &self.survey.outputs[output]);
+                    reasons = stale.iter().map(why).collect();
+                }
+                return match self.write_outputs(&stale, artefact, &bytes) {
+                    Ok(()) => End::Done { artefact, bytes: Some(bytes), outcome: Outcome::Restored, reasons },
+                    Err(failure) => End::Failed { failure, reasons },
+                };
+            }
+            reasons.push(explain::LOST.to_string());
+        }
+        if reasons.is_empty() {
+            reasons = explain::reasons(self.world, step, &inputs);
+        }
+        match self.gather(step, &inputs) {
+            Ok(Ok(given)) => match self.make(step, &key, given, expected, &reasons) {
+                Ok((artefact, bytes)) => End::Done { artefact, bytes: Some(bytes), outcome: Outcome::Ran, reasons },
+                Err(failure) => End::Failed { failure, reasons },
+            },
+            Ok(Err(lost)) => End::Lost(lost),
+            Err(failure) => End::Failed { failure, reasons },
+        }
+    }
+
+    /// The bytes of all inputs, or else the steps whose bytes are lost.
+    fn gather(&self, step: StepId, digests: &[Digest]) -> Result<Result<Inputs, Vec<StepId>>, Failure> {
+        let graph = self.world.graph;
+        let mut items = Vec::new();
+        let mut lost = Vec::new();
+        for (source, digest) in graph.nodes[step.index()].inputs.iter().zip(digests) {
+            let bytes = match *source {
+                Source::File(file) => Some(self.file_bytes(file, digest)?),
+                Source::Step(input) => {
+                    let artefact = self.lock().slots[input.index()].artefact;
+                    let bytes = artefact.and_then(|artefact| self.artefact_bytes(input, artefact));
+                    if bytes.is_none() && !lost.contains(&input) {
+                        lost.push(input);
+                    }
+                    bytes
+                }
+            };
+            items.extend(bytes.map(|bytes| (graph.label(*source), bytes)));
+        }
+        Ok(if lost.is_empty() { Ok(Inputs::new(items)) } else { Err(lost) })
+    }
+
+    fn file_bytes(&self, file: usize, digest: &Digest) -> Result<Bytes, Failure> {
+        if let Some(shared) = self.lock().files[file].upgrade() {
+            return Ok(Bytes(shared));
+        }
+        let path = &self.world.graph.files[file];
+        let read = self.world.disk.read(path, self.world.options.file_limit);
+        match read {
+            Ok(bytes) if Digest::of(&bytes) == *digest => {
+                let bytes = Bytes::from(bytes);
+                self.lock().files[file] = Arc::downgrade(&bytes.0);
+                Ok(bytes)
+            }
+            _ => Err(Failure::InputChanged(path.clone())),
+        }
+    }
+
+    /// Bytes of an artefact, from memory or from the cache.
+    fn artefact_bytes(&self, step: StepId, artefact: Artefact) -> Option<Bytes> {
+        let held = self.lock().held(step);
+        if held.is_some() {
+            return held;
+        }
+        let bytes = Bytes::from(self.world.cache.load(&artefact.digest, artefact.len)?);
+        self.lock().hold(step, &bytes, self.world.options.hold_bytes);
+        Some(bytes)
+    }
+
+    /// Runs a step, stores its artefact and writes its outputs.
+    fn make(
+        &self,
+        step: StepId,
+        key: &Digest,
+        inputs: Inputs,
+        expected: Option<Artefact>,
+        reasons: &[String],
+    ) -> Result<(Artefact, Bytes), Failure> {
+        let node = &self.world.graph.nodes[step.index()];
+        self.progress.start(&node.name, reasons);
+        let begun = Instant::now();
+        let bytes = run_caught(node, &inputs)?;
+        drop(inputs);
+        let artefact = Artefact { digest: Digest::of(&bytes), len: bytes.len() as u64 };
+        let wall_ms = begun.elapsed().as_millis() as u64;
+        let record = Record { artefact: artefact.digest, len: artefact.len, wall_ms };
+        let stored = self.world.cache.store(key, &record, &bytes);
+        stored.map_err(|source| Failure::Write { what: "the cache".to_string(), source })?;
+        if let Some(before) = expected.filter(|before| before.digest != artefact.digest) {
+            return Err(Failure::NotDeterministic { before: before.digest, now: artefact.digest });
+        }
+        let stale = stale_outputs(self.world, &self.survey.outputs, step, &artefact.digest);
+        self.write_outputs(&stale, artefact, &bytes)?;
+        Ok((artefact, bytes))
+    }
+
+    fn write_outputs(&self, outputs: &[usize], artefact: Artefact, bytes: &[u8]) -> Result<(), Failure> {
+        for &output in outputs {
+            let path = &self.world.graph.outputs[output].path;
+            let written = self.world.disk.write(path, bytes);
+            written.map_err(|source| Failure::Write { what: path.display().to_string(), source })?;
+            // Nobody but kiln writes here, so the stamp can be trusted at once - unless it counts in whole seconds.
+            let stamp = self.world.disk.stamp(path).ok().flatten().filter(|stamp| stamp.mtime_ns % 1_000_000_000 != 0);
+            self.lock().written[output] = Some(FileRecord { stamp, digest: artefact.digest });
+        }
+        Ok(())
+    }
+
+    /// Enters a task's end into the books, which wakes whoever waits for it.
+    fn settle(&self, step: StepId, end: End, start: Duration) {
+        let mut books = self.lock();
+        books.running -= 1;
+        let (artefact, outcome, reasons) = match end {
+            End::Lost(inputs) => return books.wait_for_rebuilds(self.world, step, &inputs),
+            End::Done { artefact, bytes, outcome, reasons } => {
+                books.done(self.world, step, artefact, bytes);
+                (Some(artefact), outcome, reasons)
+            }
+            End::Failed { failure, reasons } => {
+                books.failed(self.world, step);
+                (None, Outcome::Failed(failure), reasons)
+            }
+        };
+        drop(books);
+        let mut report = step_report(&self.world.graph.nodes[step.index()], artefact, outcome, reasons);
+        report.start = start;
+        report.duration = self.begun.elapsed().saturating_sub(start);
+        report.thread = rayon::current_thread_index().unwrap_or(0);
+        self.progress.done(&report);
+        self.lock().slots[step.index()].report = Some(report);
+    }
+}
+
+/// A report without times.
+pub(super) fn step_report(
+    node: &Node,
+    artefact: Option<Artefact>,
+    outcome: Outcome,
+    reasons: Vec<String>,
+) -> StepReport {
+    StepReport {
+        name: node.name.clone(),
+        kind: node.step.kind(),
+        outcome,
+        reasons,
+        artefact: artefact.map(|artefact| artefact.digest),
+        len: artefact.map_or(0, |artefact| artefact.len),
+        start: Duration::ZERO,
+        duration: Duration::ZERO,
+        thread: 0,
+    }
+}
+
+fn run_caught(node: &Node, inputs: &Inputs) -> Result<Bytes, Failure> {
+    match catch_unwind(AssertUnwindSafe(|| node.step.run(inputs))) {
+        Ok(Ok(bytes)) => Ok(Bytes::from(bytes)),
+        Ok(Err(error)) => Err(Failure::Step(error)),
+        Err(panic) => {
+            let message = panic.downcast_ref::<&str>().map(|text| text.to_string());
+            let message = message.or_else(|| panic.downcast_ref::<String>().cloned());
+            Err(Failure::Panic(message.unwrap_or_else(|| "no message".to_string())))
+        }
+    }
+}
