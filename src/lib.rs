@@ -49,6 +49,7 @@ pub mod mesh;
 pub mod numerics;
 pub mod recipe;
 pub mod render;
+pub mod stage;
 pub mod synth;
 pub mod texture;
 pub mod uvset;

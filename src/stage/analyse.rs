@@ -1,0 +1,34 @@
+//! Step: analyse the exemplar into a jump map (\[ZG02\] section 2).
+
+use crate::build::{Inputs, Step, StepError, Visitor};
+use crate::exemplar::{AnalysisParams, analyse};
+use crate::texture::MapSet;
+
+/// Reads the maps.
+pub(super) struct Analyse {
+    pub recipe: String,
+    pub params: AnalysisParams,
+}
+
+impl Step for Analyse {
+    super::step_identity!("analyse", 1);
+
+    fn describe(&self, v: &mut dyn Visitor) {
+        let AnalysisParams { neighbourhoods, jumps, diversity, variance, alpha, min_distance, importance, wrap } =
+            &self.params;
+        v.param("neighbourhoods", neighbourhoods);
+        v.param("jumps", jumps);
+        v.param("diversity", diversity);
+        v.param("variance", variance);
+        v.param("alpha", alpha);
+        v.param("min_distance", min_distance);
+        v.param("importance", importance);
+        v.param("wrap", wrap);
+    }
+
+    fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
+        let maps: MapSet = super::read(inputs, 0)?;
+        let (map, _) = analyse(&maps, &self.params)?;
+        Ok(map.to_bytes())
+    }
+}

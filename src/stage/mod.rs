@@ -1,0 +1,62 @@
+//! Recipe steps: the only place where kernels and the engine meet.
+//!
+//! One file per step: its parameters, what it reads, and a `run` that loads, calls one kernel and stores. [`plan`] turns
+//! a recipe into a graph of them.
+//!
+//! ```text
+//! maps ---> analyse ----------------------.
+//!   |                                     v
+//!   '----> prepare ---> field ---> synthesise ---> rasterise ---> encode, atlas glb, render
+//!            ^                                        ^
+//! surface ---+--> unwrap -----------------------------'
+//! ```
+//!
+//! Architecture invariant: a step's result is a function of its inputs' bytes, its parameters and its `REVISION`. Raise
+//! the revision whenever the same inputs give other bytes.
+
+mod analyse;
+mod canvas;
+mod compare;
+mod encode;
+mod field;
+mod glb;
+mod maps;
+pub mod plan;
+mod prepare;
+mod rasterise;
+mod render;
+mod report;
+mod surface;
+mod synthesise;
+mod unwrap;
+
+use crate::build::{Inputs, StepError};
+use crate::io::artefact::Artefact;
+
+/// Input `index` as a value.
+fn read<T: Artefact>(inputs: &Inputs, index: usize) -> Result<T, StepError> {
+    T::from_bytes(&inputs[index]).map_err(|e| format!("{}: {e}", inputs.label(index)).into())
+}
+
+/// The last part of a path, for names in messages and documents.
+fn file_name(label: &str) -> &str {
+    label.rsplit(['/', '\\']).next().unwrap_or(label)
+}
+
+/// Implements the fixed parts of a step: its kind, its revision and its name `recipe/what`.
+macro_rules! step_identity {
+    ($kind:literal, $revision:literal) => {
+        fn name(&self) -> String {
+            format!("{}/{}", self.recipe, $kind)
+        }
+
+        fn kind(&self) -> &'static str {
+            $kind
+        }
+
+        fn revision(&self) -> u32 {
+            $revision
+        }
+    };
+}
+use step_identity;

@@ -1,0 +1,328 @@
+//! From a recipe to steps of a graph.
+//!
+//! Nothing is computed here but what the graph's shape needs: which files a glTF refers to, which maps there are.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use crate::bake::{Extent, Library, UnwrapParams, default_gutter_px};
+use crate::build::{Graph, InputId, StepId};
+use crate::disk::Disk;
+use crate::exemplar::AnalysisParams;
+use crate::field::{OrientationConstraint, ScalarConstraint, SingularityConstraint, SingularityKind, Symmetry};
+use crate::io::SampleType;
+use crate::io::image_file::{Compression, Transfer};
+use crate::io::image_set::{NormalY, Options, Slot};
+use crate::io::scene::external_files;
+use crate::recipe::{self, Canvas, ImageFormat, MapFile, MapOutput, MeshBake, Recipe, Target, Word};
+use crate::synth::image_copy::BlendKernel;
+use crate::synth::image_order::ImageOrder;
+use crate::synth::image_walk::ImageWalkParams;
+use crate::synth::vertex_walk::VertexWalkParams;
+use crate::texture::{MapKind, Wrap};
+use crate::uvset::Blend;
+
+use super::analyse::Analyse;
+use super::canvas::{CopyImage, WalkImage};
+use super::encode::{Container, Encode};
+use super::field::LayField;
+use super::glb::{AtlasGlb, UvSetsGlb};
+use super::maps::Maps;
+use super::prepare::{Prepare, Scale};
+use super::rasterise::{ImageSpec, Rasterise};
+use super::render::RenderView;
+use super::report::Report;
+use super::surface::{ReadSurface, SceneFiles};
+use super::synthesise::{Order, Synthesise};
+use super::unwrap::{Layout, Unwrap};
+
+/// Largest scene file that planning reads, in bytes.
+const SCENE_LIMIT: u64 = 1 << 31;
+
+/// What a recipe became in the graph.
+#[derive(Clone, Debug)]
+pub struct Planned {
+    /// The recipe's name.
+    pub name: String,
+    /// Its output files, in the order of planning.
+    pub outputs: Vec<PathBuf>,
+    /// Its steps in an order in which each comes after those it reads; shared ones included.
+    pub steps: Vec<StepId>,
+}
+
+/// A recipe that cannot be planned: one of its files cannot be looked into.
+#[derive(Clone, Debug)]
+pub struct PlanError(pub String);
+
+impl std::fmt::Display for PlanError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for PlanError {}
+
+/// Adds the steps of a recipe. Outputs go to `out/<recipe>/` below `out`.
+pub fn add(graph: &mut Graph, recipe: &Recipe, out: &Path, disk: &dyn Disk) -> Result<Planned, PlanError> {
+    let folder = out.join(&recipe.name);
+    let planned = Planned { name: recipe.name.clone(), outputs: Vec::new(), steps: Vec::new() };
+    let mut planner = Planner { graph, recipe, disk, folder, planned };
+    let maps = planner.maps();
+    let analyse = planner.analyse(maps);
+    match &recipe.target {
+        Target::Mesh(bake) => planner.mesh(bake, maps, analyse)?,
+        Target::Canvas(canvas) => planner.canvas(canvas, maps, analyse),
+    }
+    Ok(planner.planned)
+}
+
+/// Adds steps for one recipe.
+struct Planner<'a> {
+    graph: &'a mut Graph,
+    recipe: &'a Recipe,
+    disk: &'a dyn Disk,
+    folder: PathBuf,
+    planned: Planned,
+}
+
+impl Planner<'_> {
+    fn step(&mut self, step: impl crate::build::Step + 'static, inputs: &[InputId]) -> StepId {
+        let id = self.graph.add_step(Box::new(step), inputs);
+        self.planned.steps.push(id);
+        id
+    }
+
+    fn output(&mut self, step: StepId, file: &str) {
+        let path = self.folder.join(file);
+        self.graph.add_output(step, &path);
+        self.planned.outputs.push(path);
+    }
+
+    fn name(&self) -> String {
+        self.recipe.name.clone()
+    }
+
+    /// Decodes the exemplar's files.
+    fn maps(&mut self) -> StepId {
+        let exemplar = &self.recipe.exemplar;
+        let slot = |map: MapFile| match map {
+            MapFile::Orm => Slot::Orm,
+            single => Slot::Map(single.kinds()[0]),
+        };
+        let mut slots: Vec<Slot> = exemplar.maps.iter().map(|m| slot(m.map)).collect();
+        let mut files: Vec<PathBuf> = exemplar.maps.iter().map(|m| m.file.path.clone()).collect();
+        if let Some(mask) = &exemplar.feature_mask {
+            slots.push(Slot::Map(MapKind::FeatureMask));
+            files.push(mask.path.clone());
+        }
+        let inputs: Vec<InputId> = files.into_iter().map(|f| self.graph.add_file(f)).collect();
+        let normal_y = match exemplar.normal_y {
+            recipe::NormalY::Up => NormalY::Up,
+            recipe::NormalY::Down => NormalY::Down,
+        };
+        let recipe = self.name();
+        self.step(Maps { recipe, slots, options: Options { normal_y } }, &inputs)
+    }
+
+    fn analyse(&mut self, maps: StepId) -> StepId {
+        let recipe::Analysis { neighbourhoods, jumps, variance, alpha, diversity, min_distance } =
+            self.recipe.analysis.clone();
+        let importance = self.recipe.exemplar.importance.iter().copied().collect();
+        let wrap = Wrap::Clamp;
+        let params =
+            AnalysisParams { neighbourhoods, jumps, diversity, variance, alpha, min_distance, importance, wrap };
+        let recipe = self.name();
+        self.step(Analyse { recipe, params }, &[maps.into()])
+    }
+
+    /// A flat image.
+    fn canvas(&mut self, canvas: &Canvas, maps: StepId, analyse: StepId) {
+        let Canvas { width, height, tileable, order, maps: files, compression } = canvas;
+        let order = match order {
+            recipe::CanvasOrder::Scanline => ImageOrder::Scanline,
+            recipe::CanvasOrder::Serpentine => ImageOrder::Serpentine,
+            recipe::CanvasOrder::Hilbert => ImageOrder::Hilbert,
+        };
+        let recipe::Synthesis { seed, patch, refine, blend } = self.recipe.synthesis;
+        let importance: BTreeMap<_, _> = self.recipe.exemplar.importance.iter().copied().collect();
+        let params = ImageWalkParams { size: [*width, *height], order, patch, seed, tileable: *tileable };
+        let walk = WalkImage { recipe: self.name(), params, refine, importance };
+        let walk = self.step(walk, &[analyse.into(), maps.into()]);
+        let kernel = match blend {
+            recipe::Blend::None => BlendKernel::None,
+            recipe::Blend::Linear | recipe::Blend::Variance => BlendKernel::Three,
+        };
+        let copy = CopyImage { recipe: self.name(), images: files.iter().map(image_spec).collect(), kernel };
+        let copy = self.step(copy, &[walk.into(), maps.into()]);
+        self.encode(files, *compression, copy);
+    }
+
+    /// Encodes the files of a bundle as outputs `<name>.<map>.<ext>`.
+    fn encode(&mut self, files: &[MapOutput], compression: recipe::Compression, bundle: StepId) {
+        for output in files {
+            let image = output.map.name().to_string();
+            let (container, ext) = container(output, compression);
+            let file = format!("{}.{image}.{ext}", self.recipe.name);
+            let step = Encode { recipe: self.name(), image, container };
+            let step = self.step(step, &[bundle.into()]);
+            self.output(step, &file);
+        }
+    }
+
+    /// The scene's files as inputs.
+    fn scene(&mut self, bake: &MeshBake) -> Result<(SceneFiles, Vec<InputId>), PlanError> {
+        let path = &bake.mesh.path;
+        let fail = |why: String| {
+            PlanError(format!("{}: {why} (named as {} in {})", path.display(), bake.mesh.key, bake.mesh.place))
+        };
+        let bytes = self.disk.read(path, SCENE_LIMIT).map_err(|e| fail(e.to_string()))?;
+        let label = path.to_string_lossy();
+        let mut uris = external_files(super::file_name(&label), &bytes).map_err(|e| fail(e.to_string()))?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        // A picture that is not there matters only if its material is kept; the reader says so then.
+        uris.retain(|uri| !is_picture(uri) || matches!(self.disk.stamp(&folder.join(uri)), Ok(Some(_))));
+        if let Some(gone) = uris.iter().find(|uri| matches!(self.disk.stamp(&folder.join(uri)), Ok(None))) {
+            return Err(fail(format!("it refers to `{gone}`, and there is no such file beside it")));
+        }
+        let mut inputs = vec![self.graph.add_file(path)];
+        inputs.extend(uris.iter().map(|uri| self.graph.add_file(folder.join(uri))));
+        Ok((SceneFiles { uris, materials: bake.materials.clone() }, inputs))
+    }
+
+    /// A textured mesh.
+    fn mesh(&mut self, bake: &MeshBake, maps: StepId, analyse: StepId) -> Result<(), PlanError> {
+        let (scene, files) = self.scene(bake)?;
+        let recipe = self.name();
+        let surface = self.step(ReadSurface { recipe: recipe.clone(), scene: scene.clone() }, &files);
+        let scale = match bake.scale {
+            recipe::Scale::TexelsPerUnit(s) => Scale::Fixed(s),
+            recipe::Scale::Auto => Scale::Auto,
+        };
+        let max_factor = bake.field.scale.iter().fold(1.0, |m: f64, c| m.max(c.factor));
+        let prepare = Prepare { recipe: recipe.clone(), scale, max_factor };
+        let prepare = self.step(prepare, &[surface.into(), maps.into()]);
+        let (field, symmetry) = lay_field(&recipe, &bake.field);
+        let field = self.step(field, &[prepare.into()]);
+        let recipe::Synthesis { seed, patch, refine, blend } = self.recipe.synthesis;
+        let importance: BTreeMap<_, _> = self.recipe.exemplar.importance.iter().copied().collect();
+        let order = match bake.order {
+            recipe::WalkOrder::RegionGrowing => Order::RegionGrowing,
+            recipe::WalkOrder::RenderingSequence => Order::RenderingSequence,
+        };
+        let blend = match blend {
+            recipe::Blend::Linear => Blend::Linear,
+            recipe::Blend::Variance => Blend::Variance,
+            recipe::Blend::None => Blend::Nearest,
+        };
+        let walk = VertexWalkParams { patch, seed, ..VertexWalkParams::default() };
+        let synthesise = Synthesise { recipe: recipe.clone(), walk, symmetry, order, blend, refine, importance };
+        let inputs = [prepare, field, analyse, maps].map(InputId::from);
+        let synthesise = self.step(synthesise, &inputs);
+
+        let mut atlas_steps = None;
+        if let Some(atlas) = &bake.atlas {
+            let (layout, gutter_px) = layout(atlas);
+            let unwrap = self.step(Unwrap { recipe: recipe.clone(), layout }, &[surface.into()]);
+            let images = atlas.maps.iter().map(image_spec).collect();
+            let inputs = [surface, prepare, synthesise, unwrap, maps].map(InputId::from);
+            let bundle = self.step(Rasterise { recipe: recipe.clone(), images, gutter_px }, &inputs);
+            self.encode(&atlas.maps, atlas.compression, bundle);
+            let glb = AtlasGlb { recipe: recipe.clone(), scene: scene.clone() };
+            let inputs = [&files[..], &[surface, unwrap, bundle].map(InputId::from)].concat();
+            let glb = self.step(glb, &inputs);
+            self.output(glb, &format!("{recipe}.glb"));
+            atlas_steps = Some((unwrap, bundle));
+        }
+        if let Some(uv_sets) = &bake.uv_sets {
+            let glb = UvSetsGlb { recipe: recipe.clone(), scene, weld_texels: uv_sets.weld };
+            let inputs = [&files[..], &[surface, prepare, synthesise, maps].map(InputId::from)].concat();
+            let glb = self.step(glb, &inputs);
+            self.output(glb, &format!("{recipe}.uvsets.glb"));
+        }
+        let mut inputs = [surface, prepare, synthesise, maps].map(InputId::from).to_vec();
+        inputs.extend(atlas_steps.iter().flat_map(|(unwrap, bundle)| [InputId::from(*unwrap), InputId::from(*bundle)]));
+        for view in &bake.renders {
+            let render = RenderView { recipe: recipe.clone(), view: view.clone() };
+            let render = self.step(render, &inputs);
+            self.output(render, &format!("render/{}.png", view.name));
+        }
+        inputs[3] = analyse.into();
+        let report = self.step(Report { recipe }, &inputs);
+        self.output(report, "report.json");
+        Ok(())
+    }
+}
+
+fn is_picture(uri: &str) -> bool {
+    let lower = uri.to_ascii_lowercase();
+    [".png", ".jpg", ".jpeg", ".webp", ".ktx2", ".dds", ".avif"].iter().any(|ext| lower.ends_with(ext))
+}
+
+fn image_spec(output: &MapOutput) -> ImageSpec {
+    let depth = match output.format {
+        ImageFormat::Png16 => SampleType::U16,
+        ImageFormat::Exr => SampleType::F32,
+        _ => SampleType::U8,
+    };
+    ImageSpec { file: output.map, depth }
+}
+
+fn container(output: &MapOutput, compression: recipe::Compression) -> (Container, &'static str) {
+    if output.format == ImageFormat::Exr {
+        return (Container::Exr, "exr");
+    }
+    let srgb = output.map.kinds()[0].is_srgb();
+    let transfer = if srgb { Transfer::Srgb } else { Transfer::Unstated };
+    let compression = match compression {
+        recipe::Compression::Fast => Compression::Fast,
+        recipe::Compression::Best => Compression::Best,
+    };
+    (Container::Png { transfer, compression }, "png")
+}
+
+fn layout(atlas: &recipe::Atlas) -> (Layout, u32) {
+    let (extent, side) = match atlas.size {
+        recipe::AtlasSize::Side(side) => (Extent::Page(side), side),
+        recipe::AtlasSize::TexelsPerUnit(density) => (Extent::TexelsPerUnit(density), 1024),
+    };
+    let gutter_px = atlas.gutter.unwrap_or_else(|| default_gutter_px(side));
+    let layout = match atlas.layout {
+        recipe::Layout::KeepUv => Layout::Keep { set: 0, size: side },
+        recipe::Layout::Unwrap(library) => {
+            let library = match library {
+                recipe::Unwrap::Uvunwrap => Library::Uvunwrap,
+                recipe::Unwrap::Xatlas => Library::Xatlas,
+            };
+            Layout::New(UnwrapParams { extent, gutter_px, library })
+        }
+    };
+    (layout, gutter_px)
+}
+
+fn lay_field(recipe: &str, from: &recipe::Field) -> (LayField, Symmetry) {
+    let recipe::Field { symmetry, orientation, singularities, scale } = from;
+    let symmetry = match symmetry {
+        recipe::Symmetry::One => Symmetry::One,
+        recipe::Symmetry::Two => Symmetry::Two,
+        recipe::Symmetry::Four => Symmetry::Four,
+        recipe::Symmetry::Isotropic => Symmetry::Isotropic,
+    };
+    let anchor = |&recipe::Orientation { at, up, radius }: &_| OrientationConstraint { at, up, radius };
+    let singular = |&recipe::Singularity { at, kind, radius }: &_| {
+        let kind = match kind {
+            recipe::SingularityKind::Source => SingularityKind::Source,
+            recipe::SingularityKind::Sink => SingularityKind::Sink,
+            recipe::SingularityKind::Vortex => SingularityKind::Vortex,
+        };
+        SingularityConstraint { at, kind, radius }
+    };
+    let factor = |&recipe::ScalePoint { at, factor, radius }: &_| ScalarConstraint { at, value: factor, radius };
+    let field = LayField {
+        recipe: recipe.to_string(),
+        symmetry,
+        orientation: orientation.iter().map(anchor).collect(),
+        singularities: singularities.iter().map(singular).collect(),
+        scale: scale.iter().map(factor).collect(),
+    };
+    (field, symmetry)
+}

@@ -1,0 +1,106 @@
+//! Step: a golden view by the CPU renderer, encoded as PNG.
+//!
+//! Of an atlas bake it shows the finished maps as an engine would, else the UV sets. Pictures of patches always look
+//! through the UV sets, which alone know where a texel came from.
+
+use crate::bake::{Atlas, pack_orm, tangents};
+use crate::build::{Inputs, Step, StepError, Visitor};
+use crate::io::image_file::{Compression, Transfer, encode_png};
+use crate::io::image_quantise::{Encoding, dequantise, quantise};
+use crate::io::{Pixels, SampleType};
+use crate::mesh::Surface;
+use crate::recipe::{self, Render, Shading};
+use crate::render::{self, AtlasLook, AtlasMaps, Look, Mode, Scene, SetsLook, View, synthesis_normals, turntable};
+use crate::texture::{MapSet, Texture};
+
+use super::prepare::Prepared;
+use super::rasterise::{Bundle, GLTF_ORM};
+use super::synthesise::Synthesised;
+
+/// Reads surface, synthesis mesh, corner coordinates and maps, and of an atlas bake the atlas and its images.
+pub(super) struct RenderView {
+    pub recipe: String,
+    pub view: Render,
+}
+
+/// The images of a bundle as an engine would read them.
+fn atlas_maps(bundle: &Bundle) -> Result<AtlasMaps, StepError> {
+    let get = |name: &str, encoding| bundle.images.get(name).map(|p: &Pixels| dequantise(p, encoding));
+    let single = |name: &str| get(name, Encoding::Data);
+    let packed = get("orm", Encoding::Data).or_else(|| get(GLTF_ORM, Encoding::Data));
+    let orm = packed.or_else(|| {
+        let [o, r, m] = ["occlusion", "roughness", "metallic"].map(single);
+        pack_orm(o.as_ref(), r.as_ref(), m.as_ref())
+    });
+    Ok(AtlasMaps {
+        base_color: get("base_color", Encoding::Color),
+        normal: get("normal", Encoding::Normal),
+        orm,
+        emissive: get("emissive", Encoding::Color),
+    })
+}
+
+impl RenderView {
+    fn picture(
+        &self,
+        surface: &Surface,
+        mesh: &crate::mesh::TriMesh,
+        normals: &[crate::numerics::vec::Vec3],
+        look: &dyn Look,
+    ) -> Texture {
+        let size = self.view.size;
+        let views = match self.view.view {
+            recipe::View::Turntable(n) => turntable(&surface.mesh, n, size),
+            recipe::View::Camera { eye, target, fov } => vec![View { eye, target, fov, size }],
+        };
+        let mode = match self.view.shading {
+            Shading::Unlit => Mode::Unlit,
+            Shading::Lit => Mode::Lit,
+            Shading::Normal => Mode::Normal,
+            Shading::Patches => Mode::Patches,
+            Shading::Uv => Mode::Uv,
+        };
+        render::strip(&Scene { mesh, corner_normals: normals, look }, &views, mode)
+    }
+}
+
+impl Step for RenderView {
+    fn name(&self) -> String {
+        format!("{}/render {}", self.recipe, self.view.name)
+    }
+
+    fn kind(&self) -> &'static str {
+        "render"
+    }
+
+    fn revision(&self) -> u32 {
+        1
+    }
+
+    fn describe(&self, v: &mut dyn Visitor) {
+        v.param("view", &self.view.view);
+        v.param("size", &self.view.size);
+        v.param("shading", &self.view.shading);
+    }
+
+    fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
+        let surface: Surface = super::read(inputs, 0)?;
+        let through_sets = inputs.len() <= 4 || self.view.shading == Shading::Patches;
+        let picture = if through_sets {
+            let prepared: Prepared = super::read(inputs, 1)?;
+            let synthesised: Synthesised = super::read(inputs, 2)?;
+            let maps: MapSet = super::read(inputs, 3)?;
+            let normals = synthesis_normals(&prepared.mesh, &surface.corner_normals);
+            let look = SetsLook::new(&prepared.mesh.mesh, &synthesised.sets, &maps);
+            self.picture(&surface, &prepared.mesh.mesh, &normals, &look)
+        } else {
+            let atlas: Atlas = super::read(inputs, 4)?;
+            let bundle: Bundle = super::read(inputs, 5)?;
+            let tangents = tangents(&surface, &atlas);
+            let look = AtlasLook::new(&atlas, &tangents, &surface.corner_normals, &atlas_maps(&bundle)?);
+            self.picture(&surface, &surface.mesh, &surface.corner_normals, &look)
+        };
+        let pixels = quantise(&picture, Encoding::Color, SampleType::U8)?;
+        Ok(encode_png(&pixels, Compression::Fast, Transfer::Srgb)?)
+    }
+}

@@ -1,0 +1,77 @@
+//! Step: `report.json`, what a bake came to in numbers. Nothing in it depends on the machine or the day.
+
+use serde_json::json;
+
+use crate::bake::Atlas;
+use crate::build::{Inputs, Step, StepError, Visitor};
+use crate::exemplar::JumpMap;
+use crate::mesh::Surface;
+
+use super::prepare::Prepared;
+use super::rasterise::Bundle;
+use super::synthesise::Synthesised;
+
+/// Reads surface, synthesis mesh, corner coordinates and jump map, and of an atlas bake the atlas and its images.
+pub(super) struct Report {
+    pub recipe: String,
+}
+
+impl Step for Report {
+    super::step_identity!("report", 1);
+
+    fn describe(&self, v: &mut dyn Visitor) {
+        v.param("recipe", &self.recipe);
+    }
+
+    fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
+        let surface: Surface = super::read(inputs, 0)?;
+        let prepared: Prepared = super::read(inputs, 1)?;
+        let synthesised: Synthesised = super::read(inputs, 2)?;
+        let map = JumpMap::from_bytes(&inputs[3])?;
+        let texels = (0..map.height()).flat_map(|y| (0..map.width()).map(move |x| (x, y)));
+        let jumps: usize = texels.map(|(x, y)| map.row(x, y).len()).sum();
+        let texels = f64::from(map.width()) * f64::from(map.height());
+        let c = synthesised.counters;
+        let mut report = json!({
+            "recipe": self.recipe,
+            "mesh": {
+                "triangles": surface.mesh.faces.len(),
+                "vertices": surface.mesh.positions.len(),
+                "primitives": surface.parts.len(),
+            },
+            "exemplar": {
+                "width": map.width(),
+                "height": map.height(),
+                "jumps_per_texel": jumps as f64 / texels,
+            },
+            "synthesis": {
+                "texels_per_unit": prepared.scale,
+                "triangles": prepared.mesh.mesh.faces.len(),
+                "vertices": prepared.mesh.mesh.positions.len(),
+                "sets": synthesised.sets.sets.len(),
+                "walk": {
+                    "seeds": c.seeds,
+                    "continuations": c.continuations,
+                    "jumps": c.jumps,
+                    "dropped_invalid": c.dropped_invalid,
+                    "random_fallbacks": c.random_fallbacks,
+                },
+            },
+        });
+        if inputs.len() > 4 {
+            let atlas: Atlas = super::read(inputs, 4)?;
+            let bundle: Bundle = super::read(inputs, 5)?;
+            report["atlas"] = json!({
+                "width": atlas.width,
+                "height": atlas.height,
+                "charts": atlas.chart_count,
+                "texels_per_unit": atlas.texels_per_unit,
+                "surface_share": atlas.utilization(&surface),
+                "quality": bundle.figures,
+            });
+        }
+        let mut text = serde_json::to_string_pretty(&report)?;
+        text.push('\n');
+        Ok(text.into_bytes())
+    }
+}
