@@ -44,6 +44,7 @@ pub mod build;
 pub mod disk;
 pub mod exemplar;
 pub mod field;
+pub mod golden;
 pub mod io;
 pub mod mesh;
 pub mod numerics;
