@@ -41,6 +41,7 @@
 
 pub mod bake;
 pub mod build;
+pub mod cli;
 pub mod disk;
 pub mod exemplar;
 pub mod field;

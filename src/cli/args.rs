@@ -1,0 +1,482 @@
+//! What can be typed: verbs, flags and their values.
+//!
+//! In: the command line. Out: checked values; a mistake ends with exit code 2 and a sentence, by clap.
+//! Unaware of: what the verbs do.
+
+use crate::recipe::{Blend, CanvasOrder, Word, limits};
+use clap::builder::{PossibleValuesParser, TypedValueParser, ValueParser};
+use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum, ValueHint};
+use std::num::NonZeroUsize;
+use std::ops::RangeInclusive;
+use std::path::PathBuf;
+
+/// The command line.
+#[derive(Clone, Debug, Parser)]
+#[command(
+    name = "kiln",
+    version,
+    about = "Bakes textures onto meshes from small samples",
+    after_help = "\
+Examples:
+  kiln init statue.glb moss/ > recipes/statue.toml
+  kiln bake
+  kiln check --report report.html
+
+Exit codes: 0 done or up to date, 1 a bake or a golden failed, 2 the command or a recipe is wrong.",
+    subcommand_required = true,
+    arg_required_else_help = true,
+    disable_help_subcommand = true
+)]
+pub struct Cli {
+    /// Flags of every verb.
+    #[command(flatten)]
+    pub global: Global,
+    /// What to do.
+    #[command(subcommand)]
+    pub verb: Verb,
+}
+
+/// Flags of every verb.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Common options")]
+pub struct Global {
+    /// Work in this folder
+    #[arg(short = 'C', long = "directory", value_name = "DIR", global = true, value_hint = ValueHint::DirPath)]
+    pub directory: Option<PathBuf>,
+    /// Run so many threads; default: one per core. Outputs do not depend on it
+    #[arg(short, long, value_name = "N", global = true, value_parser = threads)]
+    pub jobs: Option<NonZeroUsize>,
+    /// Keep going when a recipe fails
+    #[arg(short, long, global = true)]
+    pub keep_going: bool,
+    /// Say what would be done, and do nothing
+    #[arg(short = 'n', long, global = true)]
+    pub dry_run: bool,
+    /// Say nothing but results and errors
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub quiet: bool,
+    /// Say more; twice: still more
+    #[arg(short, long, global = true, action = ArgAction::Count)]
+    pub verbose: u8,
+    /// Say of each step why it runs
+    #[arg(long, global = true)]
+    pub explain: bool,
+    /// Form of the results on standard output
+    #[arg(long, value_name = "FORM", global = true, value_enum, default_value_t = Format::Text)]
+    pub format: Format,
+    /// Colours in messages
+    #[arg(long, value_name = "WHEN", global = true, value_enum, default_value_t = Color::Auto)]
+    pub color: Color,
+    /// Write a Chrome trace of the run, for Perfetto
+    #[arg(long, value_name = "FILE", global = true, value_hint = ValueHint::FilePath)]
+    pub trace: Option<PathBuf>,
+    /// Write the outputs and their inputs as a rule for Make and Ninja
+    #[arg(long, value_name = "FILE", global = true, value_hint = ValueHint::FilePath)]
+    pub depfile: Option<PathBuf>,
+}
+
+/// Form of the results.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// For people
+    Text,
+    /// For programs
+    Json,
+}
+
+/// When messages are coloured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Color {
+    /// On a terminal, unless NO_COLOR is set
+    Auto,
+    /// Always
+    Always,
+    /// Never
+    Never,
+}
+
+/// What to do.
+#[derive(Clone, Debug, Subcommand)]
+pub enum Verb {
+    /// Bring outputs up to date
+    #[command(after_help = "\
+Examples:
+  kiln bake                            everything in recipes/
+  kiln bake recipes/statue.toml -j 4   one recipe, four threads
+  kiln bake -n --explain               what would run, and why")]
+    Bake(Recipes),
+    /// Bake, then compare with golden/
+    #[command(after_help = "\
+Examples:
+  kiln check
+  kiln check --report report.html --junit report.xml")]
+    Check(Check),
+    /// Make the present outputs golden
+    #[command(after_help = "\
+Examples:
+  kiln accept statue
+  kiln accept                          every recipe")]
+    Accept(Accept),
+    /// Show what would run and why
+    #[command(after_help = "\
+Examples:
+  kiln plan
+  kiln plan recipes/statue.toml --format json
+  kiln plan --graph | dot -Tsvg > graph.svg")]
+    Plan(Plan),
+    /// Make a flat texture without a recipe
+    #[command(after_help = "\
+Examples:
+  kiln synth moss.png -o large-moss.png --size 1024x1024
+  kiln synth bricks.png -o wall.exr --size 2048x512 --seed 7 --neighbourhoods 13,9,5 --blend none")]
+    Synth(Synth),
+    /// Write a commented recipe to start from
+    #[command(after_help = "\
+Examples:
+  kiln init statue.glb moss/ > recipes/statue.toml
+  kiln init statue.glb moss/color.png moss/normal.png -o recipes/statue.toml")]
+    Init(Init),
+    /// Show what is in a mesh, an exemplar, an analysis artefact or a bake
+    #[command(after_help = "\
+Examples:
+  kiln inspect statue.glb
+  kiln inspect out/statue/statue.glb --format json")]
+    Inspect(Inspect),
+    /// Show, verify or clear the cache
+    #[command(after_help = "\
+Examples:
+  kiln cache size
+  kiln cache verify")]
+    Cache(Cache),
+    /// Print the JSON Schema of recipes, for editors
+    #[command(after_help = "\
+Example:
+  kiln schema > kiln.schema.json       then begin recipes with: #:schema ../kiln.schema.json")]
+    Schema,
+    /// Print the shader that blends UV sets
+    #[command(after_help = "\
+Example:
+  kiln shader glsl > kiln_uv_sets.glsl")]
+    Shader(Shader),
+    /// Print completions for a shell
+    #[command(after_help = "\
+Example:
+  kiln completions bash > ~/.local/share/bash-completion/completions/kiln")]
+    Completions(Completions),
+}
+
+/// Recipes to work on.
+#[derive(Clone, Debug, Args)]
+pub struct Recipes {
+    /// Recipes; default: all of recipes/
+    #[arg(value_name = "RECIPE", value_hint = ValueHint::FilePath)]
+    pub recipes: Vec<PathBuf>,
+}
+
+/// `kiln check`.
+#[derive(Clone, Debug, Args)]
+pub struct Check {
+    /// What to check.
+    #[command(flatten)]
+    pub recipes: Recipes,
+    /// Write a page with expected, difference and actual
+    #[arg(long, value_name = "FILE.html", value_hint = ValueHint::FilePath)]
+    pub report: Option<PathBuf>,
+    /// Write the results as JUnit XML
+    #[arg(long, value_name = "FILE.xml", value_hint = ValueHint::FilePath)]
+    pub junit: Option<PathBuf>,
+}
+
+/// `kiln accept`.
+#[derive(Clone, Debug, Args)]
+pub struct Accept {
+    /// Names of recipes; default: all
+    #[arg(value_name = "NAME")]
+    pub names: Vec<String>,
+    /// Accept even where CI is set
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// `kiln plan`.
+#[derive(Clone, Debug, Args)]
+pub struct Plan {
+    /// What to plan.
+    #[command(flatten)]
+    pub recipes: Recipes,
+    /// Print the graph of steps as DOT
+    #[arg(long)]
+    pub graph: bool,
+}
+
+/// `kiln synth`. What is left out has the recipe's default.
+#[derive(Clone, Debug, Args)]
+pub struct Synth {
+    /// The sample
+    #[arg(value_name = "EXEMPLAR", value_hint = ValueHint::FilePath)]
+    pub exemplar: PathBuf,
+    /// File to write; its extension says the format
+    #[arg(short, long, value_name = "OUT", value_hint = ValueHint::FilePath)]
+    pub output: PathBuf,
+    /// Width and height in texels
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    pub size: Size,
+    /// Another seed gives another texture of the same kind [default: 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(limits::SEED))]
+    pub seed: Option<u64>,
+    /// Order in which texels are made [default: hilbert]
+    #[arg(long, value_parser = word::<CanvasOrder>())]
+    pub order: Option<CanvasOrder>,
+    /// Mean distance between jumps, in exemplar sides [default: 1.0]
+    #[arg(long, value_name = "SIDES", value_parser = patch)]
+    pub patch: Option<f64>,
+    /// Sides of the neighbourhoods in texels, finest level first [default: 9,5,3]
+    #[arg(long, value_name = "N,N,..", value_parser = neighbourhoods)]
+    pub neighbourhoods: Option<Neighbourhoods>,
+    /// How patches meet [default: linear]
+    #[arg(long, value_parser = word::<Blend>())]
+    pub blend: Option<Blend>,
+}
+
+/// Width and height in texels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Size {
+    /// Texels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+}
+
+/// Sides of neighbourhoods in texels, odd, finest level first; at least one.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Neighbourhoods(pub Vec<u32>);
+
+/// `kiln init`.
+#[derive(Clone, Debug, Args)]
+pub struct Init {
+    /// The mesh
+    #[arg(value_name = "MESH", value_hint = ValueHint::FilePath)]
+    pub mesh: PathBuf,
+    /// The sample: its maps, or the folder that holds them
+    #[arg(value_name = "EXEMPLAR", required = true, value_hint = ValueHint::AnyPath)]
+    pub exemplar: Vec<PathBuf>,
+    /// File to write; default: standard output
+    #[arg(short, long, value_name = "FILE.toml", value_hint = ValueHint::FilePath)]
+    pub output: Option<PathBuf>,
+}
+
+/// `kiln inspect`.
+#[derive(Clone, Debug, Args)]
+pub struct Inspect {
+    /// A mesh, an image, an artefact of the cache or a bake
+    #[arg(value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub file: PathBuf,
+}
+
+/// `kiln cache`.
+#[derive(Clone, Debug, Args)]
+pub struct Cache {
+    /// What to do with it.
+    #[command(subcommand)]
+    pub what: Option<CacheVerb>,
+}
+
+/// What to do with the cache; `size` when nothing is said.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Subcommand)]
+pub enum CacheVerb {
+    /// Show where it is and how large
+    #[command(after_help = "Example:\n  kiln cache size")]
+    Size,
+    /// Check every entry; damaged ones are removed and built anew when needed
+    #[command(after_help = "Example:\n  kiln cache verify")]
+    Verify,
+    /// Remove every entry
+    #[command(after_help = "Example:\n  kiln cache clear")]
+    Clear,
+}
+
+/// `kiln shader`.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct Shader {
+    /// Language
+    #[arg(value_enum)]
+    pub language: ShaderLanguage,
+}
+
+/// Languages of the shader.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ShaderLanguage {
+    /// GLSL ES 3.00
+    Glsl,
+    /// WGSL
+    Wgsl,
+    /// JavaScript that patches a three.js material
+    Three,
+}
+
+/// `kiln completions`.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct Completions {
+    /// Shell
+    #[arg(value_enum)]
+    pub shell: clap_complete::Shell,
+}
+
+/// A word of the recipe format.
+fn word<W: Word>() -> ValueParser {
+    let names = PossibleValuesParser::new(W::ALL.iter().map(|word| word.name()));
+    names.try_map(|name| W::from_name(&name).ok_or("not a word of the list")).into()
+}
+
+fn within<T: PartialOrd + std::fmt::Display>(value: T, range: RangeInclusive<T>) -> Result<T, String> {
+    if range.contains(&value) { Ok(value) } else { Err(format!("expected {} to {}", range.start(), range.end())) }
+}
+
+/// More threads than any machine has would only fail later.
+const MOST_THREADS: usize = 1024;
+
+fn threads(text: &str) -> Result<NonZeroUsize, String> {
+    let range = || format!("expected a whole number from 1 to {MOST_THREADS}");
+    text.parse().ok().filter(|n: &NonZeroUsize| n.get() <= MOST_THREADS).ok_or_else(range)
+}
+
+fn size(text: &str) -> Result<Size, String> {
+    let form = || "expected WIDTHxHEIGHT, such as 1024x512".to_string();
+    let (width, height) = text.split_once(['x', 'X']).ok_or_else(form)?;
+    let side = |text: &str| within(text.parse::<u32>().map_err(|_| form())?, limits::CANVAS_SIDE);
+    let (width, height) = (side(width)?, side(height)?);
+    let area = u64::from(width) * u64::from(height);
+    if area > limits::CANVAS_AREA {
+        return Err(format!("{area} texels; expected at most {}", limits::CANVAS_AREA));
+    }
+    Ok(Size { width, height })
+}
+
+fn patch(text: &str) -> Result<f64, String> {
+    within(text.parse().map_err(|_| "expected a number, such as 1.0")?, limits::PATCH)
+}
+
+fn neighbourhoods(text: &str) -> Result<Neighbourhoods, String> {
+    let side = |text: &str| {
+        let side = text.trim().parse().map_err(|_| "expected odd whole numbers, such as 9,5,3")?;
+        if side % 2 == 0 { Err(format!("{side} is even; a neighbourhood has a centre")) } else { Ok(side) }
+    };
+    let sides =
+        text.split(',').map(|text| within(side(text)?, limits::NEIGHBOURHOOD)).collect::<Result<Vec<_>, _>>()?;
+    let levels = limits::LEVELS;
+    match sides.len() {
+        n if levels.contains(&n) => Ok(Neighbourhoods(sides)),
+        n => Err(format!("{n} levels; expected {} to {}", levels.start(), levels.end())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    fn read(line: &str) -> Result<Cli, String> {
+        Cli::try_parse_from(line.split(' ')).map_err(|e| {
+            assert_eq!(e.exit_code(), 2, "{line}");
+            e.to_string()
+        })
+    }
+
+    fn synth(flags: &str) -> Result<Synth, String> {
+        match read(&format!("kiln synth a.png -o b.png {flags}"))?.verb {
+            Verb::Synth(synth) => Ok(synth),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn the_command_line_is_sound_and_every_verb_has_an_example() {
+        Cli::command().debug_assert();
+        fn check(command: &clap::Command) {
+            let help = command.get_after_help().map(|help| help.to_string()).unwrap_or_default();
+            assert!(help.contains("Example") && help.contains("kiln "), "{} has no example", command.get_name());
+            command.get_subcommands().for_each(check);
+        }
+        check(&Cli::command());
+    }
+
+    #[test]
+    fn the_examples_of_the_help_are_right() {
+        let verbs = Cli::command().get_subcommands().cloned().collect::<Vec<_>>();
+        for command in verbs.iter().chain([&Cli::command()]) {
+            for line in command.get_after_help().map(|help| help.to_string()).unwrap_or_default().lines() {
+                if let Some(example) = line.strip_prefix("  ").filter(|line| line.starts_with("kiln ")) {
+                    let example =
+                        example.split("  ").next().and_then(|e| e.split(['>', '|']).next()).unwrap_or_default();
+                    assert!(read(example.trim()).is_ok(), "{example}: {:?}", read(example.trim()));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn global_flags_stand_before_or_after_the_verb() {
+        for line in
+            ["kiln -C x -j 3 -k -n -vv --color never bake a.toml", "kiln bake a.toml -kn -vv -j3 -Cx --color=never"]
+        {
+            let cli = read(line).unwrap_or_else(|e| panic!("{e}"));
+            let g = cli.global;
+            assert_eq!((g.directory, g.jobs.map(NonZeroUsize::get), g.verbose), (Some("x".into()), Some(3), 2));
+            assert!(g.keep_going && g.dry_run && !g.quiet && !g.explain);
+            assert_eq!((g.color, g.format), (Color::Never, Format::Text));
+            assert!(matches!(cli.verb, Verb::Bake(Recipes { recipes }) if recipes == [PathBuf::from("a.toml")]));
+        }
+        for wrong in [
+            "kiln bake -j 0",
+            "kiln bake -j -1",
+            "kiln bake -j 9999",
+            "kiln bake -q -v",
+            "kiln",
+            "kiln bak",
+            "kiln watch",
+            "kiln plan --format xml",
+            "kiln shader hlsl",
+            "kiln synth a.png --size 1x1",
+        ] {
+            assert!(read(wrong).is_err(), "{wrong}");
+        }
+        assert!(read("kiln bak").is_err_and(|e| e.contains("'bake'")));
+    }
+
+    #[test]
+    fn sizes_are_checked_before_memory_is_taken() {
+        assert_eq!(synth("--size 640x480").map(|s| s.size), Ok(Size { width: 640, height: 480 }));
+        for (size, said) in [
+            ("640", "expected WIDTHxHEIGHT"),
+            ("640x", "expected WIDTHxHEIGHT"),
+            ("-1x5", "expected WIDTHxHEIGHT"),
+            ("0x5", "expected 1 to 65536"),
+            ("65537x5", "expected 1 to 65536"),
+            ("65536x65536", "4294967296 texels; expected at most 268435456"),
+            ("99999999999x1", "expected WIDTHxHEIGHT"),
+        ] {
+            assert!(synth(&format!("--size={size}")).is_err_and(|e| e.contains(said)), "{size}");
+        }
+    }
+
+    #[test]
+    fn values_are_those_of_recipes() {
+        let all = "--size 8x8 --seed 7 --order scanline --patch 1.5 --neighbourhoods 9,5 --blend variance";
+        let s = synth(all).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!((s.seed, s.order, s.patch), (Some(7), Some(CanvasOrder::Scanline), Some(1.5)));
+        assert_eq!((s.neighbourhoods, s.blend), (Some(Neighbourhoods(vec![9, 5])), Some(Blend::Variance)));
+        for (flag, said) in [
+            ("--patch nan", "expected 0.01 to 100"),
+            ("--patch 0", "expected 0.01 to 100"),
+            ("--neighbourhoods 9,4", "4 is even"),
+            ("--neighbourhoods 35", "expected 1 to 33"),
+            ("--neighbourhoods 3,3,3,3,3,3,3,3,3", "9 levels; expected 1 to 8"),
+            ("--neighbourhoods ,", "expected odd whole numbers"),
+            ("--blend lineer", "'linear'"),
+            ("--order up", "hilbert"),
+            ("--seed -1", ""),
+        ] {
+            assert!(synth(&format!("--size 8x8 {flag}")).is_err_and(|e| e.contains(said)), "{flag}: {:?}", synth(flag));
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! `kiln bake`: parse, plan, build, report.
+
+use std::path::Path;
+
+use crate::build::{self, Outcome, Report, chrome_trace, depfile};
+use crate::disk::{Disk, Real};
+
+use super::args::{Format, Global, Recipes};
+use super::progress::Lines;
+use super::project::{self, Loaded};
+use super::{Done, Stop};
+
+/// Brings the outputs of recipes up to date.
+pub(super) fn run(global: &Global, recipes: &Recipes) -> Result<Done, Stop> {
+    let loaded = project::load(global, &recipes.recipes)?;
+    if global.dry_run {
+        return super::plan::show(global, &loaded, false);
+    }
+    let report = build(global, &loaded)?;
+    let success = report.is_success() && loaded.broken.is_empty();
+    Ok(Done { text: summary(global, &loaded, &report), success })
+}
+
+/// Runs the graph of loaded recipes; failures are said on stderr and stand in the report.
+pub(super) fn build(global: &Global, loaded: &Loaded) -> Result<Report, Stop> {
+    let broken: Vec<&str> = loaded.broken.iter().map(|(_, why)| why.as_str()).collect();
+    if !broken.is_empty() && !global.keep_going {
+        return Err(Stop::Failed(broken.join("\n")));
+    }
+    let lines = Lines::new(global);
+    let report =
+        build::run(&loaded.graph, &[], &loaded.options, &Real, &lines).map_err(|e| Stop::Failed(with_causes(&e)))?;
+    let say = |text: &str| {
+        use std::io::Write;
+        let _ = writeln!(anstream::stderr(), "{text}");
+    };
+    broken.iter().for_each(|why| say(why));
+    report.failures().for_each(|failure| say(&failure));
+    report.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
+    for path in &report.changed_inputs {
+        say(&format!("warning: {} changed during the bake; run again", path.display()));
+    }
+    if let Some(path) = &global.trace {
+        write(path, chrome_trace(&report).as_bytes())?;
+    }
+    if let Some(path) = &global.depfile {
+        write(path, depfile(&loaded.graph, &[], &loaded.recipe_files).as_bytes())?;
+    }
+    Ok(report)
+}
+
+/// Writes a file that was asked for on the command line.
+pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<(), Stop> {
+    Real.write(path, bytes).map_err(|e| Stop::Failed(format!("cannot write {}: {e}", path.display())))
+}
+
+/// An error and its causes in one line.
+pub(super) fn with_causes(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(c) = cause {
+        text += &format!(": {c}");
+        cause = c.source();
+    }
+    text
+}
+
+fn summary(global: &Global, loaded: &Loaded, report: &Report) -> String {
+    let written: Vec<_> = report.outputs.iter().filter(|o| o.written).collect();
+    if global.format == Format::Json {
+        let outputs: Vec<_> = report
+            .outputs
+            .iter()
+            .map(|o| serde_json::json!({"path": o.path, "step": o.step, "written": o.written}))
+            .collect();
+        let ran: Vec<&str> = report.ran().collect();
+        let failed: Vec<String> = loaded.broken.iter().map(|(_, why)| why.clone()).chain(report.failures()).collect();
+        return format!("{}\n", serde_json::json!({"version": 1, "outputs": outputs, "ran": ran, "failed": failed}));
+    }
+    if global.quiet {
+        return String::new();
+    }
+    let failed = report.steps.iter().filter(|s| matches!(s.outcome, Outcome::Failed(_))).count() + loaded.broken.len();
+    if failed > 0 {
+        return format!("{failed} failed; {} outputs written\n", written.len());
+    }
+    if report.is_noop() && written.is_empty() {
+        return format!("nothing to do: all {} outputs are up to date\n", report.outputs.len());
+    }
+    let mut text: String = written.iter().map(|o| format!("{}\n", o.path.display())).collect();
+    let ran = report.ran().count();
+    text += &format!(
+        "{} of {} outputs written, {ran} steps run in {:.1} s\n",
+        written.len(),
+        report.outputs.len(),
+        report.elapsed.as_secs_f64()
+    );
+    text
+}

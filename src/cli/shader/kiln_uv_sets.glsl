@@ -1,0 +1,59 @@
+// kiln: reference consumer of UV sets, GLSL ES 3.00 / GLSL 3.30 and later.
+//
+// Vertex inputs: TEXCOORD_0..n-1 (vec2, one per set) and _KILN_WEIGHTS (vec4, normalised). Pass all of them on as
+// ordinary (perspective-correct) varyings. `kiln_sets` and `kiln_blend` stand in the KILN_uv_sets extension object of the
+// material (and in extras.kiln): sets 1..4; blend 0 "linear", 1 "variance", 2 "none". `mean` is the extension's mean of
+// the map that is sampled. Sample colour maps as sRGB textures, so that blending happens in linear light.
+
+struct KilnSets {
+    vec2 uv[4];
+    vec4 weights;
+    int sets;
+    int blend;
+};
+
+// The weights that are applied: all of them, or the greatest alone.
+vec4 kiln_weights(KilnSets s) {
+    vec4 w = s.weights / max(dot(s.weights, vec4(1.0)), 1e-6);
+    if (s.blend != 2) return w;
+    float top = max(max(w.x, w.y), max(w.z, w.w));
+    if (w.x == top) return vec4(1.0, 0.0, 0.0, 0.0);
+    if (w.y == top) return vec4(0.0, 1.0, 0.0, 0.0);
+    if (w.z == top) return vec4(0.0, 0.0, 1.0, 0.0);
+    return vec4(0.0, 0.0, 0.0, 1.0);
+}
+
+// One map, blended. Gradients are taken before any branch.
+vec4 kiln_sample(sampler2D map, KilnSets s, vec4 mean) {
+    vec4 w = kiln_weights(s);
+    vec4 sum = vec4(0.0);
+    for (int i = 0; i < 4; ++i) {
+        if (i < s.sets) sum += w[i] * texture(map, s.uv[i]);
+    }
+    if (s.blend == 1) sum = mean + (sum - mean) * inversesqrt(max(dot(w, w), 1e-6));
+    return sum;
+}
+
+// World-space normal from the sample's normal map. Each set has its own frame, from the gradients of its coordinates.
+// `normal` is the interpolated vertex normal, `position` the world (or view) position of the fragment.
+vec3 kiln_normal(sampler2D map, KilnSets s, vec3 normal, vec3 position) {
+    vec4 w = kiln_weights(s);
+    vec3 n = normalize(normal);
+    vec3 px = dFdx(position), py = dFdy(position);
+    vec3 sum = vec3(0.0);
+    for (int i = 0; i < 4; ++i) {
+        vec2 ux = dFdx(s.uv[i]), uy = dFdy(s.uv[i]);
+        if (i >= s.sets) continue;
+        // Direction in which u grows and, as v points down, against which v grows.
+        float turn = sign(ux.x * uy.y - uy.x * ux.y);
+        vec3 t = (px * uy.y - py * ux.y) * turn;
+        vec3 b = (px * uy.x - py * ux.x) * turn;
+        t = t - n * dot(n, t);
+        b = b - n * dot(n, b);
+        t *= inversesqrt(max(dot(t, t), 1e-20));
+        b *= inversesqrt(max(dot(b, b), 1e-20));
+        vec3 m = texture(map, s.uv[i]).xyz * 2.0 - 1.0;
+        sum += w[i] * (t * m.x + b * m.y + n * m.z);
+    }
+    return normalize(sum);
+}

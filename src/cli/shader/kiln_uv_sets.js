@@ -1,0 +1,83 @@
+// kiln: reference consumer of UV sets for three.js (WebGLRenderer, MeshStandardMaterial).
+//
+//     import { applyKilnUvSets } from './kiln_uv_sets.js';
+//     const gltf = await new GLTFLoader().loadAsync('name.uvsets.glb');
+//     gltf.scene.traverse((o) => o.isMesh && applyKilnUvSets(o));
+//
+// GLTFLoader names the attributes uv, uv1, uv2, uv3 and _kiln_weights, and keeps the material's extras in userData.
+
+export function applyKilnUvSets(mesh) {
+    const kiln = mesh.material.userData.kiln;
+    if (!kiln || !mesh.geometry.attributes._kiln_weights) return;
+    const sets = kiln.sets;
+    const names = ['uv', 'uv1', 'uv2', 'uv3'].slice(0, sets);
+    const mean = (map) => (kiln.means && kiln.means[map] ? kiln.means[map] : [0.5, 0.5, 0.5]);
+    const vec4 = (m) => `vec4(${[0, 1, 2, 3].map((i) => (m[i] ?? (i == 3 ? 1 : m[0])).toFixed(6)).join(', ')})`;
+    const blend = { linear: 0, variance: 1, none: 2 }[kiln.blend] ?? 0;
+
+    mesh.material.onBeforeCompile = (shader) => {
+        const own = names.slice(1).map((n) => `attribute vec2 ${n};`).filter((line) => !shader.vertexShader.includes(line));
+        shader.vertexShader = shader.vertexShader
+            .replace('#include <common>', `#include <common>
+attribute vec4 _kiln_weights;
+${own.join('\n')}
+varying vec4 vKilnWeights;
+${names.map((_, i) => `varying vec2 vKilnUv${i};`).join('\n')}`)
+            .replace('#include <uv_vertex>', `#include <uv_vertex>
+vKilnWeights = _kiln_weights;
+${names.map((n, i) => `vKilnUv${i} = ${n};`).join('\n')}`);
+
+        const each = (f) => names.map((_, i) => f(i)).join('\n');
+        shader.fragmentShader = shader.fragmentShader
+            .replace('#include <common>', `#include <common>
+varying vec4 vKilnWeights;
+${names.map((_, i) => `varying vec2 vKilnUv${i};`).join('\n')}
+vec4 kilnWeights() {
+    vec4 w = vKilnWeights / max(dot(vKilnWeights, vec4(1.0)), 1e-6);
+    if (${blend} != 2) return w;
+    float top = max(max(w.x, w.y), max(w.z, w.w));
+    return w.x == top ? vec4(1, 0, 0, 0) : w.y == top ? vec4(0, 1, 0, 0) : w.z == top ? vec4(0, 0, 1, 0) : vec4(0, 0, 0, 1);
+}
+vec4 kilnSample(sampler2D map, vec4 mean) {
+    vec4 w = kilnWeights(), sum = vec4(0.0);
+    ${each((i) => `sum += w[${i}] * texture2D(map, vKilnUv${i});`)}
+    if (${blend} == 1) sum = mean + (sum - mean) * inversesqrt(max(dot(w, w), 1e-6));
+    return sum;
+}
+vec3 kilnNormal(sampler2D map, vec3 n, vec3 position) {
+    vec4 w = kilnWeights();
+    vec3 px = dFdx(position), py = dFdy(position), sum = vec3(0.0);
+    ${each((i) => `{
+        vec2 ux = dFdx(vKilnUv${i}), uy = dFdy(vKilnUv${i});
+        float turn = sign(ux.x * uy.y - uy.x * ux.y);
+        vec3 t = (px * uy.y - py * ux.y) * turn, b = (px * uy.x - py * ux.x) * turn;
+        t -= n * dot(n, t);
+        b -= n * dot(n, b);
+        t *= inversesqrt(max(dot(t, t), 1e-20));
+        b *= inversesqrt(max(dot(b, b), 1e-20));
+        vec3 m = texture2D(map, vKilnUv${i}).xyz * 2.0 - 1.0;
+        sum += w[${i}] * (t * m.x + b * m.y + n * m.z);
+    }`)}
+    return normalize(sum);
+}`)
+            .replace('#include <map_fragment>', `#ifdef USE_MAP
+diffuseColor *= kilnSample(map, ${vec4(mean('base_color'))});
+#endif`)
+            .replace('#include <roughnessmap_fragment>', `float roughnessFactor = roughness;
+#ifdef USE_ROUGHNESSMAP
+roughnessFactor *= kilnSample(roughnessMap, ${vec4(mean('orm'))}).g;
+#endif`)
+            .replace('#include <metalnessmap_fragment>', `float metalnessFactor = metalness;
+#ifdef USE_METALNESSMAP
+metalnessFactor *= kilnSample(metalnessMap, ${vec4(mean('orm'))}).b;
+#endif`)
+            .replace('#include <normal_fragment_maps>', `#ifdef USE_NORMALMAP_TANGENTSPACE
+normal = kilnNormal(normalMap, normal, -vViewPosition);
+#endif`)
+            .replace('#include <emissivemap_fragment>', `#ifdef USE_EMISSIVEMAP
+totalEmissiveRadiance *= kilnSample(emissiveMap, ${vec4(mean('emissive'))}).rgb;
+#endif`);
+    };
+    mesh.material.customProgramCacheKey = () => `kiln-${sets}-${blend}-${JSON.stringify(kiln.means ?? {})}`;
+    mesh.material.needsUpdate = true;
+}

@@ -1,0 +1,65 @@
+// kiln: reference consumer of UV sets, WGSL.
+//
+// Vertex inputs: TEXCOORD_0..n-1 (vec2f, one per set) and _KILN_WEIGHTS (vec4f, normalised), passed on as ordinary varyings.
+// `sets` 1..4 and `blend` (0 "linear", 1 "variance", 2 "none") stand in the KILN_uv_sets extension object of the material
+// (and in extras.kiln). `mean` is the extension's mean of the map that is sampled. Call from uniform control flow.
+
+struct KilnSets {
+    uv: array<vec2f, 4>,
+    weights: vec4f,
+    sets: i32,
+    blend: i32,
+}
+
+// The weights that are applied: all of them, or the greatest alone.
+fn kiln_weights(s: KilnSets) -> vec4f {
+    let w = s.weights / max(dot(s.weights, vec4f(1.0)), 1e-6);
+    if (s.blend != 2) { return w; }
+    let top = max(max(w.x, w.y), max(w.z, w.w));
+    if (w.x == top) { return vec4f(1.0, 0.0, 0.0, 0.0); }
+    if (w.y == top) { return vec4f(0.0, 1.0, 0.0, 0.0); }
+    if (w.z == top) { return vec4f(0.0, 0.0, 1.0, 0.0); }
+    return vec4f(0.0, 0.0, 0.0, 1.0);
+}
+
+// One map, blended.
+fn kiln_sample(map: texture_2d<f32>, sampler_: sampler, s: KilnSets, mean: vec4f) -> vec4f {
+    let w = kiln_weights(s);
+    // Every set is sampled, so that the gradients are those of uniform control flow; unused ones weigh nothing.
+    let a = textureSample(map, sampler_, s.uv[0]) * w.x;
+    let b = textureSample(map, sampler_, s.uv[1]) * select(0.0, w.y, s.sets > 1);
+    let c = textureSample(map, sampler_, s.uv[2]) * select(0.0, w.z, s.sets > 2);
+    let d = textureSample(map, sampler_, s.uv[3]) * select(0.0, w.w, s.sets > 3);
+    let sum = a + b + c + d;
+    let stretched = mean + (sum - mean) * inverseSqrt(max(dot(w, w), 1e-6));
+    return select(sum, stretched, s.blend == 1);
+}
+
+// The part of one set in the world-space normal: its own frame, from the gradients of its coordinates.
+fn kiln_turned(m: vec3f, uv: vec2f, n: vec3f, position: vec3f) -> vec3f {
+    let px = dpdx(position);
+    let py = dpdy(position);
+    let ux = dpdx(uv);
+    let uy = dpdy(uv);
+    // Direction in which u grows and, as v points down, against which v grows.
+    let turn = sign(ux.x * uy.y - uy.x * ux.y);
+    var t = (px * uy.y - py * ux.y) * turn;
+    var b = (px * uy.x - py * ux.x) * turn;
+    t = t - n * dot(n, t);
+    b = b - n * dot(n, b);
+    t = t * inverseSqrt(max(dot(t, t), 1e-20));
+    b = b * inverseSqrt(max(dot(b, b), 1e-20));
+    return t * m.x + b * m.y + n * m.z;
+}
+
+// World-space normal from the sample's normal map.
+fn kiln_normal(map: texture_2d<f32>, sampler_: sampler, s: KilnSets, normal: vec3f, position: vec3f) -> vec3f {
+    let w = kiln_weights(s);
+    let n = normalize(normal);
+    let a = kiln_turned(textureSample(map, sampler_, s.uv[0]).xyz * 2.0 - 1.0, s.uv[0], n, position) * w.x;
+    let b = kiln_turned(textureSample(map, sampler_, s.uv[1]).xyz * 2.0 - 1.0, s.uv[1], n, position);
+    let c = kiln_turned(textureSample(map, sampler_, s.uv[2]).xyz * 2.0 - 1.0, s.uv[2], n, position);
+    let d = kiln_turned(textureSample(map, sampler_, s.uv[3]).xyz * 2.0 - 1.0, s.uv[3], n, position);
+    return normalize(a + b * select(0.0, w.y, s.sets > 1) + c * select(0.0, w.z, s.sets > 2)
+        + d * select(0.0, w.w, s.sets > 3));
+}
