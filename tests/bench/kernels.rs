@@ -1,0 +1,200 @@
+//! `cargo bench`: what each kernel takes, median of several runs, on the project's own samples and, where it is there, on
+//! the development data's bunny. `cargo bench -- walk` runs only what has "walk" in its name.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use kiln::bake::{self, Coverage, Extent, Library, UnwrapParams, bake_map, default_gutter_px, tangents};
+use kiln::exemplar::{AnalysisParams, analyse};
+use kiln::field::{self, Field, Symmetry};
+use kiln::io::SampleType;
+use kiln::io::image_file::{Compression, Transfer, encode_exr, encode_png};
+use kiln::io::image_quantise::{Encoding, quantise};
+use kiln::io::image_set::{Options, Slot, load};
+use kiln::io::scene::Document;
+use kiln::mesh::{PrepareParams, Surface, Topology, prepare};
+use kiln::numerics::par;
+use kiln::synth::corner::{Base, corner_sets};
+use kiln::synth::image_copy::{BlendKernel, copy};
+use kiln::synth::image_order::ImageOrder;
+use kiln::synth::image_walk::{self, ImageWalkParams};
+use kiln::synth::vertex_order::region_growing;
+use kiln::synth::vertex_walk::{VertexWalkParams, walk};
+use kiln::texture::{MapKind, MapSet};
+use kiln::uvset::Blend;
+
+/// Runs what the command line's filter lets through and prints a line for each.
+struct Bench {
+    filter: String,
+}
+
+impl Bench {
+    /// Times `work` five times; `amount` of `unit` per run is shown as a rate.
+    fn run<R>(&self, name: &str, amount: f64, unit: &str, mut work: impl FnMut() -> R) {
+        if !name.contains(&self.filter) {
+            return;
+        }
+        let mut times: Vec<Duration> = (0..5)
+            .map(|_| {
+                let begun = Instant::now();
+                std::hint::black_box(work());
+                begun.elapsed()
+            })
+            .collect();
+        times.sort();
+        let t = times[2].as_secs_f64();
+        println!("{name:44} {:10.2} ms   {:10.2} {unit}", t * 1e3, amount / t);
+    }
+}
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn maps(folder: &str) -> MapSet {
+    let read = |name: &str| std::fs::read(root().join("recipes/assets").join(folder).join(name)).expect("a sample");
+    let (color, normal, height) = (read("base_color.png"), read("normal.png"), read("height.png"));
+    let slot = |kind, bytes| (Slot::Map(kind), folder, bytes);
+    let slots =
+        [slot(MapKind::BaseColor, &color[..]), slot(MapKind::Normal, &normal[..]), slot(MapKind::Height, &height[..])];
+    load(&slots, &Options::default()).expect("our own samples load")
+}
+
+fn surface(path: &Path) -> Option<Surface> {
+    let bytes = std::fs::read(path).ok()?;
+    let mut none = |_: &str| Err("no other files".to_string());
+    Document::parse("mesh", &bytes, &mut none).ok()?.surface(None).ok()
+}
+
+fn main() {
+    let filter = std::env::args().skip(1).find(|a| !a.starts_with("--")).unwrap_or_default();
+    let bench = Bench { filter };
+    let pebbles = maps("pebbles");
+    analysis(&bench, &pebbles);
+    flat(&bench, &pebbles);
+    encode(&bench);
+    let knot = surface(&root().join("recipes/assets/meshes/knot.glb")).expect("our own mesh");
+    on_surface(&bench, "knot", &knot, &pebbles, 220.0, 1024);
+    match surface(&root().join("../shared/data/meshes/glb/stanford-bunny.glb")) {
+        Some(bunny) => on_surface(&bench, "bunny", &bunny, &pebbles, 3000.0, 4096),
+        None => println!("the development data's bunny is not here"),
+    }
+    no_op(&bench);
+}
+
+fn analysis(bench: &Bench, pebbles: &MapSet) {
+    for (name, set) in [("pebbles 256x256", pebbles), ("bricks 256x192", &maps("bricks"))] {
+        let texels = f64::from(set.width()) * f64::from(set.height());
+        for jobs in [1, 2] {
+            bench.run(&format!("analyse {name}, -j {jobs}"), texels / 1e3, "ktexel/s", || {
+                par::install(jobs, || analyse(set, &AnalysisParams::default()))
+            });
+        }
+    }
+}
+
+fn flat(bench: &Bench, set: &MapSet) {
+    let (map, _) = analyse(set, &AnalysisParams::default()).expect("an analysis");
+    let orders =
+        [("scanline", ImageOrder::Scanline), ("serpentine", ImageOrder::Serpentine), ("hilbert", ImageOrder::Hilbert)];
+    for (name, order) in orders {
+        let params = ImageWalkParams { size: [1024, 1024], order, patch: 1.0, seed: 1, tileable: false };
+        bench.run(&format!("walk image 1024x1024 {name}, one core"), 1.048_576, "Mpixel/s", || {
+            image_walk::walk(&map, &params)
+        });
+    }
+    let params =
+        ImageWalkParams { size: [1024, 1024], order: ImageOrder::Hilbert, patch: 1.0, seed: 1, tileable: false };
+    let sources = image_walk::walk(&map, &params).expect("a walk");
+    let color = set.get(MapKind::BaseColor).expect("a colour");
+    bench.run("copy image 1024x1024, blended 3x3", 1.048_576, "Mpixel/s", || copy(color, &sources, BlendKernel::Three));
+}
+
+fn encode(bench: &Bench) {
+    let color = maps("pebbles");
+    let color = color.get(MapKind::BaseColor).expect("a colour");
+    let large = kiln::texture::Texture::from_fn(4096, 4096, 3, |x, y, out| {
+        out.copy_from_slice(color.get(x % color.width(), y % color.height()));
+    });
+    bench.run("quantise 4096x4096 RGB to sRGB 8 bit", 16.777, "Mpixel/s", || {
+        quantise(&large, Encoding::Color, SampleType::U8)
+    });
+    let pixels = quantise(&large, Encoding::Color, SampleType::U8).expect("finite");
+    bench.run("encode PNG 4096x4096 RGB, fast", 16.777, "Mpixel/s", || {
+        encode_png(&pixels, Compression::Fast, Transfer::Srgb)
+    });
+    let small = kiln::texture::Texture::from_fn(1024, 1024, 3, |x, y, out| out.copy_from_slice(large.get(x, y)));
+    let floats = quantise(&small, Encoding::Color, SampleType::F32).expect("finite");
+    bench.run("encode EXR 1024x1024 RGB", 1.049, "Mpixel/s", || encode_exr(&floats));
+}
+
+fn on_surface(bench: &Bench, name: &str, surface: &Surface, set: &MapSet, scale: f64, page: u32) {
+    let params = PrepareParams::new(scale, [set.width(), set.height()]);
+    let faces = surface.mesh.faces.len() as f64;
+    bench.run(&format!("{name}: prepare"), faces / 1e3, "kface/s", || prepare(surface, &params));
+    let prepared = prepare(surface, &params).expect("a synthesis mesh");
+    let mesh = &prepared.mesh;
+    let vertices = mesh.positions.len() as f64;
+    let topology = Topology::new(mesh);
+    let normals = mesh.vertex_normals();
+    let orient = || field::orientation(mesh, &topology, &normals, &[], &[], Symmetry::One).expect("a field");
+    bench.run(&format!("{name}: orientation, one core"), vertices / 1e3, "kvertex/s", || par::install(1, orient));
+    let up = orient();
+    let field = Field { up, scale: vec![scale as f32; mesh.positions.len()] };
+    let edges = || field::edge_offsets(mesh, &topology, &normals, &field, Symmetry::One);
+    bench.run(&format!("{name}: edge offsets"), vertices / 1e3, "kvertex/s", edges);
+    let offsets = edges();
+    bench.run(&format!("{name}: region growing, one core"), vertices / 1e6, "Mvertex/s", || {
+        region_growing(&topology, &[])
+    });
+    let order = region_growing(&topology, &[]).expect("an order");
+    let (map, _) = analyse(set, &AnalysisParams::default()).expect("an analysis");
+    let params = VertexWalkParams::default();
+    let go = || walk(&map, &topology, &offsets, &order, &params).expect("a walk");
+    bench.run(&format!("{name}: walk, one core"), vertices / 1e6, "Mvertex/s", || par::install(1, go));
+    let walked = go();
+    let size = [set.width(), set.height()];
+    let corners = || corner_sets(&mesh.faces, &topology, &offsets, &walked.address, size, Base::Three, Blend::Linear);
+    bench.run(&format!("{name}: corners"), mesh.faces.len() as f64 / 1e6, "Mface/s", corners);
+    let sets = corners().expect("corner coordinates");
+    let layout = |side: u32| UnwrapParams {
+        extent: Extent::Page(side),
+        gutter_px: default_gutter_px(side),
+        library: Library::Uvunwrap,
+    };
+    bench.run(&format!("{name}: unwrap"), faces / 1e3, "kface/s", || bake::unwrap(surface, &layout(1024)));
+    let atlas = bake::unwrap(surface, &layout(page)).expect("an atlas");
+    let tangents = tangents(surface, &atlas);
+    let cover = || Coverage::new(surface, &prepared, &atlas, &tangents, default_gutter_px(page)).expect("a coverage");
+    let texels = f64::from(page) * f64::from(page) / 1e6;
+    bench.run(&format!("{name}: coverage {page}"), texels, "Mtexel/s", cover);
+    let coverage = cover();
+    let inputs = bake::Inputs {
+        surface,
+        synthesis: &prepared,
+        atlas: &atlas,
+        coverage: &coverage,
+        tangents: &tangents,
+        sets: &sets,
+    };
+    for kind in [MapKind::BaseColor, MapKind::Normal, MapKind::Height] {
+        let source = set.get(kind).expect("a map");
+        bench.run(&format!("{name}: rasterise {} {page}", kind.name()), texels, "Mtexel/s", || {
+            bake_map(&inputs, kind, source)
+        });
+    }
+}
+
+/// The whole program with nothing to do, on the project's own recipes.
+fn no_op(bench: &Bench) {
+    let kiln = || {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_kiln"));
+        command.arg("-C").arg(root()).args(["bake", "-q"]);
+        command.output().expect("kiln runs")
+    };
+    if "no-op bake of recipes/".contains(&bench.filter) {
+        kiln();
+        bench.run("no-op bake of recipes/, whole process", 1.0, "runs/s", kiln);
+    }
+}
