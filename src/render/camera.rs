@@ -18,7 +18,7 @@ pub struct View {
 }
 
 impl View {
-    /// Right, up and forward of the camera in the world; +y is up, or +z where the camera looks along y.
+    /// Right, up and forward of the camera in the world; +y is up, or -z where the camera looks along y.
     pub fn axes(&self) -> [Vec3; 3] {
         let forward = (self.target - self.eye).normalized().unwrap_or(vec3(0.0, 0.0, -1.0));
         let up = if forward.y.abs() > 0.999 { vec3(0.0, 0.0, -1.0) } else { vec3(0.0, 1.0, 0.0) };

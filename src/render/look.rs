@@ -43,8 +43,10 @@ pub struct Hit {
     pub bary: V3,
     /// Change of the second and third coordinate per pixel, across and down.
     pub grad: [[f32; 2]; 2],
-    /// Unit shading normal in the world.
+    /// Unit shading normal in the world, turned to the viewer.
     pub normal: V3,
+    /// Whether the front is seen; behind, the whole frame of the relief is turned round, as engines do.
+    pub front: bool,
 }
 
 /// How the triangles of a scene look.
@@ -104,7 +106,10 @@ impl Look for SetsLook<'_> {
         let lods = FaceSets::lods(face.stretch(hit.grad));
         let plain = Appearance::default();
         let normal = match self.maps.get(&MapKind::Normal) {
-            Some(Sampled::Three(p)) => face.normal(p, hit.bary, &lods, hit.normal),
+            Some(Sampled::Three(p)) => {
+                let turn = |n: V3| if hit.front { n } else { n.map(|x| -x) };
+                turn(face.normal(p, hit.bary, &lods, turn(hit.normal)))
+            }
             _ => hit.normal,
         };
         Appearance {
@@ -214,9 +219,7 @@ impl<'a> AtlasLook<'a> {
         let w = self.tangents[3 * hit.face][3];
         let b = [n[1] * t[2] - n[2] * t[1], n[2] * t[0] - n[0] * t[2], n[0] * t[1] - n[1] * t[0]].map(|x| x * w);
         let out: V3 = std::array::from_fn(|k| t[k] * v[0] + b[k] * v[1] + n[k] * v[2]);
-        // Seen from behind, the shading normal was turned round; so is this one.
-        let flipped = n[0] * hit.normal[0] + n[1] * hit.normal[1] + n[2] * hit.normal[2] < 0.0;
-        if flipped { out.map(|x| -x) } else { out }
+        if hit.front { out } else { out.map(|x| -x) }
     }
 }
 

@@ -187,7 +187,7 @@ impl Painter<'_> {
         let front = self.scene.mesh.area_vector(face).dot(to_eye) >= 0.0;
         let normal = normal.normalized().unwrap_or(to_eye) * if front { 1.0 } else { -1.0 };
         let bary = bary.map(|b| b as f32);
-        let hit = Hit { face, bary, grad, normal: normal.to_f32() };
+        let hit = Hit { face, bary, grad, normal: normal.to_f32(), front };
         match self.mode {
             Mode::Patches => self.ramp(face, bary),
             Mode::Uv => self.checker(face, bary),

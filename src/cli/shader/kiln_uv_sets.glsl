@@ -36,6 +36,7 @@ vec4 kiln_sample(sampler2D map, KilnSets s, vec4 mean) {
 
 // World-space normal from the sample's normal map. Each set has its own frame, from the gradients of its coordinates.
 // `normal` is the interpolated vertex normal, `position` the world (or view) position of the fragment.
+// Pass the normal as the mesh has it, also on back faces, and negate the result there (doubleSided materials).
 vec3 kiln_normal(sampler2D map, KilnSets s, vec3 normal, vec3 position) {
     vec4 w = kiln_weights(s);
     vec3 n = normalize(normal);

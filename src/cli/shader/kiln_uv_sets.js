@@ -16,7 +16,9 @@ export function applyKilnUvSets(mesh) {
     const blend = { linear: 0, variance: 1, none: 2 }[kiln.blend] ?? 0;
 
     mesh.material.onBeforeCompile = (shader) => {
-        const own = names.slice(1).map((n) => `attribute vec2 ${n};`).filter((line) => !shader.vertexShader.includes(line));
+        const own = names.slice(1).map((n) => `#ifndef USE_${n.toUpperCase()}
+attribute vec2 ${n};
+#endif`);
         shader.vertexShader = shader.vertexShader
             .replace('#include <common>', `#include <common>
 attribute vec4 _kiln_weights;
@@ -47,6 +49,10 @@ vec4 kilnSample(sampler2D map, vec4 mean) {
 vec3 kilnNormal(sampler2D map, vec3 n, vec3 position) {
     vec4 w = kilnWeights();
     vec3 px = dFdx(position), py = dFdy(position), sum = vec3(0.0);
+    float side = 1.0;
+#ifdef DOUBLE_SIDED
+    side = gl_FrontFacing ? 1.0 : -1.0;
+#endif
     ${each((i) => `{
         vec2 ux = dFdx(vKilnUv${i}), uy = dFdy(vKilnUv${i});
         float turn = sign(ux.x * uy.y - uy.x * ux.y);
@@ -56,7 +62,7 @@ vec3 kilnNormal(sampler2D map, vec3 n, vec3 position) {
         t *= inversesqrt(max(dot(t, t), 1e-20));
         b *= inversesqrt(max(dot(b, b), 1e-20));
         vec3 m = texture2D(map, vKilnUv${i}).xyz * 2.0 - 1.0;
-        sum += w[${i}] * (t * m.x + b * m.y + n * m.z);
+        sum += w[${i}] * (side * (t * m.x + b * m.y) + n * m.z);
     }`)}
     return normalize(sum);
 }`)
@@ -73,6 +79,14 @@ metalnessFactor *= kilnSample(metalnessMap, ${vec4(mean('orm'))}).b;
 #endif`)
             .replace('#include <normal_fragment_maps>', `#ifdef USE_NORMALMAP_TANGENTSPACE
 normal = kilnNormal(normalMap, normal, -vViewPosition);
+#endif`)
+            .replace('#include <aomap_fragment>', `#ifdef USE_AOMAP
+float ambientOcclusion = (kilnSample(aoMap, ${vec4(mean('orm'))}).r - 1.0) * aoMapIntensity + 1.0;
+reflectedLight.indirectDiffuse *= ambientOcclusion;
+#if defined(USE_ENVMAP) && defined(STANDARD)
+float dotNV = saturate(dot(geometryNormal, geometryViewDir));
+reflectedLight.indirectSpecular *= computeSpecularOcclusion(dotNV, ambientOcclusion, material.roughness);
+#endif
 #endif`)
             .replace('#include <emissivemap_fragment>', `#ifdef USE_EMISSIVEMAP
 totalEmissiveRadiance *= kilnSample(emissiveMap, ${vec4(mean('emissive'))}).rgb;

@@ -53,6 +53,7 @@ fn kiln_turned(m: vec3f, uv: vec2f, n: vec3f, position: vec3f) -> vec3f {
 }
 
 // World-space normal from the sample's normal map.
+// Pass the normal as the mesh has it, also on back faces, and negate the result there (doubleSided materials).
 fn kiln_normal(map: texture_2d<f32>, sampler_: sampler, s: KilnSets, normal: vec3f, position: vec3f) -> vec3f {
     let w = kiln_weights(s);
     let n = normalize(normal);
