@@ -134,8 +134,15 @@ fn check_accepts_nothing_and_a_changed_picture_is_shown() {
     assert!(project.files("golden").is_empty(), "check writes no golden");
     let refused = project.kiln_with(&["accept"], &[("CI", "true")]).expect(2);
     assert!(refused.err.contains("CI"), "{}", refused.err);
+    project.kiln(&["accept", "-n"]).expect(0);
+    assert!(project.files("golden").is_empty(), "a dry run writes no golden");
     project.kiln(&["accept", "one"]).expect(0);
     project.kiln(&["check"]).expect(0);
+    project.write("recipes/bad.toml", RECIPE.replace("m.obj", "none.obj"));
+    let half = project.kiln(&["check", "--junit", "half.xml"]).expect(1);
+    assert!(half.out.contains("failed    bad/bake"), "{}", half.out);
+    assert!(String::from_utf8_lossy(&project.read("half.xml")).contains("none.obj"));
+    std::fs::remove_file(project.path("recipes/bad.toml")).expect("a recipe");
 
     project.write("recipes/one.toml", RECIPE.replace("scale = 24.0", "scale = 20.0"));
     let ran = project.kiln(&["check", "--report", "r.html", "--junit", "r.xml"]).expect(1);

@@ -136,7 +136,7 @@ Examples:
   kiln init statue.glb moss/ > recipes/statue.toml
   kiln init statue.glb moss/color.png moss/normal.png -o recipes/statue.toml")]
     Init(Init),
-    /// Show what is in a mesh, an exemplar, an analysis artefact or a bake
+    /// Show what is in a mesh, a picture or a bake
     #[command(after_help = "\
 Examples:
   kiln inspect statue.glb
@@ -233,9 +233,12 @@ pub struct Synth {
     /// Sides of the neighbourhoods in texels, finest level first [default: 9,5,3]
     #[arg(long, value_name = "N,N,..", value_parser = neighbourhoods)]
     pub neighbourhoods: Option<Neighbourhoods>,
-    /// How patches meet [default: linear]
+    /// How patches meet: linear or none [default: linear]
     #[arg(long, value_parser = word::<Blend>())]
     pub blend: Option<Blend>,
+    /// Correction passes; 0 is the published method [default: 2]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(i64::from(*limits::REFINE.start())..=i64::from(*limits::REFINE.end())))]
+    pub refine: Option<u32>,
 }
 
 /// Width and height in texels.
@@ -268,7 +271,7 @@ pub struct Init {
 /// `kiln inspect`.
 #[derive(Clone, Debug, Args)]
 pub struct Inspect {
-    /// A mesh, an image, an artefact of the cache or a bake
+    /// A mesh, a picture or a bake
     #[arg(value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub file: PathBuf,
 }

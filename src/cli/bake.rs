@@ -24,7 +24,7 @@ pub(super) fn run(global: &Global, recipes: &Recipes) -> Result<Done, Stop> {
 /// Runs the graph of loaded recipes; failures are said on stderr and stand in the report.
 pub(super) fn build(global: &Global, loaded: &Loaded) -> Result<Report, Stop> {
     let broken: Vec<&str> = loaded.broken.iter().map(|(_, why)| why.as_str()).collect();
-    if !broken.is_empty() && !global.keep_going {
+    if !broken.is_empty() && !loaded.options.keep_going {
         return Err(Stop::Failed(broken.join("\n")));
     }
     let lines = Lines::new(global);

@@ -5,12 +5,12 @@ use std::path::Path;
 use crate::build::Cache;
 use crate::disk::Real;
 
-use super::args::{self, CacheVerb};
+use super::args::{self, CacheVerb, Global};
 use super::project::{OWN, project};
 use super::{Done, Stop};
 
 /// Shows, checks or empties the cache.
-pub(super) fn run(args: &args::Cache) -> Result<Done, Stop> {
+pub(super) fn run(global: &Global, args: &args::Cache) -> Result<Done, Stop> {
     let disk = Real;
     let (project, _) = project(&disk)?;
     let folder = project.cache.path.map_or_else(|| Path::new(OWN).join("cache"), |p| p.path);
@@ -30,6 +30,7 @@ pub(super) fn run(args: &args::Cache) -> Result<Done, Stop> {
             };
             Ok(Done { text, success: damaged.is_empty() })
         }
+        CacheVerb::Clear if global.dry_run => Done::ok(format!("would clear {}\n", folder.display())),
         CacheVerb::Clear => {
             cache.clear().map_err(fail)?;
             Done::ok(format!("{}: cleared\n", folder.display()))

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use crate::build::Report;
 use crate::disk::{Disk, Real};
-use crate::golden::book::{Book, Kind, Outcome, Output, Step, compare_book, first_differing_step};
+use crate::golden::book::{Book, Kind, Outcome, Output, Step, Tolerance, compare_book, first_differing_step};
 use crate::golden::compare::{compare, triptych};
 use crate::golden::digest::{digest_bytes, digest_glb, digest_pixels};
 use crate::golden::report::{Entry, Status, html, junit};
@@ -25,6 +25,8 @@ use super::{Done, Stop};
 
 /// Largest output that is read back, in bytes.
 const OUTPUT_LIMIT: u64 = 4 << 30;
+/// Outputs may be larger than what is taken from strangers: the file was bounded before.
+const OWN_IMAGES: Limits = Limits { max_side: u32::MAX, max_bytes: OUTPUT_LIMIT };
 /// Side of the thumbnails of maps.
 const THUMB: u32 = 96;
 /// Side of a panel of expected / difference / actual.
@@ -59,7 +61,7 @@ fn read_baked(planned: &Planned, loaded: &Loaded, report: &Report) -> Result<Bak
         let (mut size, mut channels) = (None, None);
         let blake3 = match kind {
             Kind::Map | Kind::Render => {
-                let pixels = decode_pixels(&bytes, &Limits::default()).map_err(|e| say(&e))?;
+                let pixels = decode_pixels(&bytes, &OWN_IMAGES).map_err(|e| say(&e))?;
                 (size, channels) = (Some([pixels.width, pixels.height]), Some(pixels.channels));
                 let digest = digest_pixels(&pixels);
                 images.insert(name.clone(), pixels);
@@ -127,8 +129,9 @@ fn read_book(recipe: &str) -> Result<Option<Book>, Stop> {
     }
 }
 
-fn picture(kind: Kind, pixels: &Pixels) -> Pixels {
-    if kind == Kind::Render { pixels.clone() } else { thumbnail(pixels, THUMB) }
+/// What is kept beside the book: renders, and whatever has a tolerance to be judged by, whole; else a thumbnail.
+fn picture(kind: Kind, tolerance: Option<&Tolerance>, pixels: &Pixels) -> Pixels {
+    if kind == Kind::Render || tolerance.is_some() { pixels.clone() } else { thumbnail(pixels, THUMB) }
 }
 
 fn png(pixels: &Pixels) -> Result<Vec<u8>, Stop> {
@@ -138,13 +141,25 @@ fn png(pixels: &Pixels) -> Result<Vec<u8>, Stop> {
 /// `kiln check`.
 pub(super) fn check(global: &Global, check: &Check) -> Result<Done, Stop> {
     let mut loaded = project::load(global, &check.recipes.recipes)?;
+    if global.dry_run {
+        return super::plan::show(global, &loaded, false);
+    }
     // Nothing that is remembered is trusted: a step whose revision was forgotten shows.
     loaded.options.force = true;
+    // One recipe that fails does not hide how the others stand.
+    loaded.options.keep_going = true;
     let report = build(global, &loaded)?;
     let mut success = report.is_success() && loaded.broken.is_empty();
     let mut entries = Vec::new();
-    for planned in loaded.planned.iter().filter(|p| is_built(p, &loaded, &report)) {
-        entries.extend(judge(planned, &loaded, &report)?);
+    for (recipe, why) in &loaded.broken {
+        entries.push(failure(recipe, why));
+    }
+    for planned in &loaded.planned {
+        if is_built(planned, &loaded, &report) {
+            entries.extend(judge(planned, &loaded, &report)?);
+        } else {
+            entries.push(failure(&planned.name, "could not be baked"));
+        }
     }
     if let Some(path) = &check.report {
         write(path, html(&entries).as_bytes())?;
@@ -154,6 +169,12 @@ pub(super) fn check(global: &Global, check: &Check) -> Result<Done, Stop> {
     }
     success &= !entries.iter().any(|e| e.status.is_failure());
     Ok(Done { text: verdicts(global, &entries), success })
+}
+
+/// A recipe without outputs to compare.
+fn failure(recipe: &str, why: &str) -> Entry {
+    let (recipe, output) = (recipe.to_string(), "bake".to_string());
+    Entry { recipe, output, status: Status::Failed, message: why.to_string(), picture: None }
 }
 
 /// Whether all steps of a recipe were done.
@@ -209,7 +230,7 @@ fn difference(recipe: &str, old: &Output, new: &Output, image: Option<&Pixels>) 
     };
     let decode = |path: PathBuf| {
         let bytes = Real.read(&path, OUTPUT_LIMIT).ok()?;
-        decode_pixels(&bytes, &Limits::default()).ok()
+        decode_pixels(&bytes, &OWN_IMAGES).ok()
     };
     if let Some(expected) = decode(copy_path(&old.blake3)).filter(|p| digest_pixels(p) == old.blake3) {
         return match compare(&expected, actual) {
@@ -221,20 +242,31 @@ fn difference(recipe: &str, old: &Output, new: &Output, image: Option<&Pixels>) 
             Err(unlike) => (Status::Different, unlike.to_string(), Some(triptych(&expected, actual, PANEL))),
         };
     }
-    let small = picture(new.kind, actual);
+    if let (Some([w, h]), Some([now_w, now_h])) = (old.size, new.size)
+        && (w, h) != (now_w, now_h)
+    {
+        let said = format!("expected {w}x{h}, found {now_w}x{now_h}");
+        return (Status::Different, said, Some(thumbnail(actual, PANEL)));
+    }
+    let small = thumbnail(actual, THUMB);
     match decode(picture_path(recipe, &old.name)) {
-        None => (Status::Different, "the content differs; the accepted picture is not here".into(), Some(small)),
+        None => {
+            (Status::Different, "the content differs; the accepted picture is not here".into(), Some(small.clone()))
+        }
         Some(expected) => {
-            let whole = old.kind == Kind::Render && digest_pixels(&expected) == old.blake3;
-            let said = match compare(&expected, &small) {
+            let whole = digest_pixels(&expected) == old.blake3;
+            let shown = if whole { actual } else { &small };
+            let unjudged =
+                if old.tolerance.is_some() { "; accept again to keep what its tolerance is judged by" } else { "" };
+            let said = match compare(&expected, shown) {
                 Ok(d) if whole => d.to_string(),
-                Ok(d) => format!("the content differs; its thumbnail {d}"),
-                Err(unlike) => unlike.to_string(),
+                Ok(d) => format!("the content differs; its thumbnail {d}{unjudged}"),
+                Err(_) => format!("the content differs{unjudged}"),
             };
             let within = |d| old.tolerance.as_ref().is_some_and(|t| t.allows(&d));
-            let tolerated = whole && compare(&expected, &small).is_ok_and(within);
+            let tolerated = whole && compare(&expected, shown).is_ok_and(within);
             let status = if tolerated { Status::Tolerated } else { Status::Different };
-            (status, said, Some(triptych(&expected, &small, PANEL)))
+            (status, said, Some(triptych(&expected, shown, PANEL)))
         }
     }
 }
@@ -274,6 +306,9 @@ pub(super) fn accept(global: &Global, accept: &Accept) -> Result<Done, Stop> {
     }
     let names: Vec<PathBuf> = accept.names.iter().map(PathBuf::from).collect();
     let loaded = project::load(global, &names)?;
+    if global.dry_run {
+        return super::plan::show(global, &loaded, false);
+    }
     let report = build(global, &loaded)?;
     if !report.is_success() || !loaded.broken.is_empty() {
         return Err(Stop::Failed("nothing was accepted: not everything could be baked".into()));
@@ -294,7 +329,8 @@ pub(super) fn accept(global: &Global, accept: &Accept) -> Result<Done, Stop> {
 fn store(recipe: &str, baked: &Baked, old: &Book) -> Result<(), Stop> {
     for output in &baked.book.outputs {
         let Some(pixels) = baked.images.get(&output.name) else { continue };
-        write(&picture_path(recipe, &output.name), &png(&picture(output.kind, pixels))?)?;
+        let tolerance = old.outputs.iter().find(|o| o.name == output.name).and_then(|o| o.tolerance.as_ref());
+        write(&picture_path(recipe, &output.name), &png(&picture(output.kind, tolerance, pixels))?)?;
         let file = Path::new(OUT).join(recipe).join(&output.name);
         let bytes = Real.read(&file, OUTPUT_LIMIT).map_err(|e| failed(format!("{}: {e}", file.display())))?;
         write(&copy_path(&output.blake3), &bytes)?;

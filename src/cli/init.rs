@@ -4,10 +4,11 @@ use std::path::{Component, Path, PathBuf};
 
 use crate::disk::{Disk, Real};
 use crate::io::image_file::{Limits, decode_pixels};
+use crate::io::named;
 use crate::io::scene::Document;
 use crate::recipe::{MapFile, Starter, guess_map, is_feature_mask, template};
 
-use super::args::Init;
+use super::args::{Global, Init};
 use super::{Done, Stop};
 
 /// Largest file that is looked into, in bytes.
@@ -16,7 +17,7 @@ const LIMIT: u64 = 1 << 31;
 const REPEATS: f64 = 3.0;
 
 /// Writes or prints the recipe.
-pub(super) fn run(args: &Init) -> Result<Done, Stop> {
+pub(super) fn run(global: &Global, args: &Init) -> Result<Done, Stop> {
     let folder = match &args.output {
         Some(file) => file.parent().unwrap_or(Path::new("")).to_path_buf(),
         None => PathBuf::from("recipes"),
@@ -51,6 +52,9 @@ pub(super) fn run(args: &Init) -> Result<Done, Stop> {
     if !matches!(Real.stamp(file), Ok(None)) {
         return Err(Stop::Usage(format!("{} is there already; kiln init does not overwrite", file.display())));
     }
+    if global.dry_run {
+        return Done::ok(format!("would write {}\n", file.display()));
+    }
     super::bake::write(file, text.as_bytes())?;
     Done::ok(format!("{}\n", file.display()))
 }
@@ -82,8 +86,8 @@ fn guess_scale(mesh: &Path, picture: &Path) -> Result<Option<f64>, Stop> {
     let folder = mesh.parent().unwrap_or(Path::new(""));
     let mut resolve = |uri: &str| Real.read(&folder.join(uri), LIMIT).map_err(|e| e.to_string());
     let name = mesh.display().to_string();
-    let document = Document::parse(&name, &read(mesh)?, &mut resolve).map_err(|e| Stop::Failed(e.to_string()))?;
-    let surface = document.surface(None).map_err(|e| Stop::Failed(e.to_string()))?;
+    let document = Document::parse(&name, &read(mesh)?, &mut resolve).map_err(|e| Stop::Failed(named(&name, &e)))?;
+    let surface = document.surface(None).map_err(|e| Stop::Failed(named(&name, &e)))?;
     let pixels = decode_pixels(&read(picture)?, &Limits::default())
         .map_err(|e| Stop::Failed(format!("{}: {e}", picture.display())))?;
     let (low, high) = surface.mesh.bounds();
@@ -92,14 +96,8 @@ fn guess_scale(mesh: &Path, picture: &Path) -> Result<Option<f64>, Stop> {
     if !scale.is_normal() {
         return Ok(None);
     }
-    let mut unit = 1.0;
-    while scale / unit >= 100.0 {
-        unit *= 10.0;
-    }
-    while scale / unit < 10.0 {
-        unit /= 10.0;
-    }
-    Ok(Some((scale / unit).round() * unit))
+    // As a number of two digits, so that it reads well.
+    Ok(format!("{scale:.1e}").parse().ok())
 }
 
 /// `path` as seen from `folder`, by name alone, with forward slashes.

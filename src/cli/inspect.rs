@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 
 use crate::disk::{Disk, Real};
 use crate::io::image_file::{Format as Picture, Limits, decode_pixels};
+use crate::io::named;
 use crate::io::scene::Document;
 use crate::mesh::{PrepareParams, Topology, check::census, prepare};
 
@@ -53,7 +54,7 @@ fn scene(path: &Path, bytes: &[u8]) -> Result<Value, Stop> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut resolve = |uri: &str| Real.read(&folder.join(uri), LIMIT).map_err(|e| e.to_string());
     let name = path.display().to_string();
-    let document = Document::parse(&name, bytes, &mut resolve).map_err(|e| Stop::Failed(e.to_string()))?;
+    let document = Document::parse(&name, bytes, &mut resolve).map_err(|e| Stop::Failed(named(&name, &e)))?;
     let s = document.summary();
     let mut facts = json!({
         "file": name,
@@ -72,7 +73,7 @@ fn scene(path: &Path, bytes: &[u8]) -> Result<Value, Stop> {
         "extensions": s.extensions,
     });
     // The facts of the surface need one that can be textured.
-    let surface = document.surface(None).map_err(|e| Stop::Failed(e.to_string()))?;
+    let Ok(surface) = document.surface(None) else { return Ok(facts) };
     let (low, high) = surface.mesh.bounds();
     facts["bounds"] = json!([low.to_f32(), high.to_f32()]);
     let area: f64 = (0..surface.mesh.faces.len()).map(|f| surface.mesh.area(f)).sum();

@@ -66,9 +66,9 @@ pub fn main() -> ExitCode {
         Verb::Accept(accept) => check::accept(global, accept),
         Verb::Plan(plan) => plan::run(global, plan),
         Verb::Synth(synth) => synth::run(global, synth),
-        Verb::Init(init) => init::run(init),
+        Verb::Init(init) => init::run(global, init),
         Verb::Inspect(inspect) => inspect::run(global, inspect),
-        Verb::Cache(cache) => cache::run(cache),
+        Verb::Cache(cache) => cache::run(global, cache),
         Verb::Schema => Done::ok(crate::recipe::json_schema() + "\n"),
         Verb::Shader(language) => shader::run(language.language),
         Verb::Completions(completions) => {
@@ -79,10 +79,15 @@ pub fn main() -> ExitCode {
     };
     match result {
         Ok(done) => {
-            // A closed pipe (such as of `kiln plan | head`) is no failure.
             let mut out = anstream::stdout().lock();
-            let _ = out.write_all(done.text.as_bytes()).and_then(|()| out.flush());
-            if done.success { ExitCode::SUCCESS } else { ExitCode::from(1) }
+            match out.write_all(done.text.as_bytes()).and_then(|()| out.flush()) {
+                // A closed pipe (such as of `kiln plan | head`) is no failure.
+                Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
+                    stop(Stop::Failed(format!("cannot write to standard output: {e}")))
+                }
+                _ if done.success => ExitCode::SUCCESS,
+                _ => ExitCode::from(1),
+            }
         }
         Err(why) => stop(why),
     }

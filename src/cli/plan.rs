@@ -18,6 +18,12 @@ pub(super) fn show(global: &Global, loaded: &Loaded, graph: bool) -> Result<Done
     let steps = build::plan(&loaded.graph, &[], &loaded.options, &Real)
         .map_err(|e| Stop::Failed(super::bake::with_causes(&e)))?;
     let mut success = loaded.broken.is_empty();
+    if graph || global.format == Format::Json {
+        for (_, why) in &loaded.broken {
+            use std::io::Write;
+            let _ = writeln!(anstream::stderr(), "{why}");
+        }
+    }
     if graph {
         return Ok(Done { text: to_dot(&steps), success });
     }

@@ -91,7 +91,9 @@ fn colored() -> bool {
 fn all(disk: &dyn Disk) -> Result<Vec<PathBuf>, Stop> {
     let folder = Path::new("recipes");
     let mut files = disk.list(folder).map_err(|e| Stop::Usage(format!("recipes/: {e}")))?;
-    files.retain(|f| f.parent() == Some(folder) && f.extension().is_some_and(|e| e == "toml"));
+    // Hidden files are editors' own.
+    let hidden = |f: &PathBuf| f.file_name().is_some_and(|n| n.as_encoded_bytes().starts_with(b"."));
+    files.retain(|f| f.parent() == Some(folder) && f.extension().is_some_and(|e| e == "toml") && !hidden(f));
     if files.is_empty() {
         let hint = "there are no recipes in recipes/; `kiln init MESH EXEMPLAR -o recipes/NAME.toml` starts one";
         return Err(Stop::Usage(hint.into()));
@@ -99,10 +101,12 @@ fn all(disk: &dyn Disk) -> Result<Vec<PathBuf>, Stop> {
     Ok(files)
 }
 
-/// A recipe's file from what was typed: a path, or the name of one in `recipes/`.
+/// A recipe's file from what was typed: the name of one in `recipes/`, or a path.
 fn find(disk: &dyn Disk, typed: &Path) -> PathBuf {
-    if matches!(disk.stamp(typed), Ok(None)) && typed.components().count() == 1 {
-        let named = Path::new("recipes").join(typed).with_extension("toml");
+    if typed.components().count() == 1 && typed.extension().is_none_or(|e| e != "toml") {
+        let mut file = typed.as_os_str().to_os_string();
+        file.push(".toml");
+        let named = Path::new("recipes").join(file);
         if matches!(disk.stamp(&named), Ok(Some(_))) {
             return named;
         }
@@ -115,6 +119,10 @@ fn read(disk: &dyn Disk, files: &[PathBuf], project: &Project) -> Result<Vec<Rec
     let (mut recipes, mut faults) = (Vec::new(), Vec::new());
     for file in files {
         match disk.read(file, RECIPE_LIMIT + 1) {
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+                let said = "there is no such recipe; expected a recipe's file, or the name of one in recipes/";
+                faults.push(format!("{}: {said}", file.display()));
+            }
             Err(e) => faults.push(format!("{}: {e}", file.display())),
             Ok(bytes) => match recipe::parse(file, &bytes, Some(&project.defaults)) {
                 Ok(recipe) => recipes.push(recipe),

@@ -10,14 +10,18 @@ use crate::io::image_quantise::{Encoding, quantise};
 use crate::io::image_set::{Options, Slot, load};
 use crate::numerics::par;
 use crate::recipe::{Blend, CanvasOrder};
+use crate::stage::compare::comparison;
 use crate::synth::image_copy::{BlendKernel, copy};
 use crate::synth::image_order::ImageOrder;
+use crate::synth::image_refine::refine;
 use crate::synth::image_walk::{ImageWalkParams, walk};
-use crate::texture::{MapKind, MapSet, Texture};
+use crate::texture::{MapKind, MapSet};
 
 use super::args::{Global, Synth};
 use super::{Done, Stop, jobs};
 
+/// Correction passes where none are asked for: the recipe's default.
+const REFINE: u32 = 2;
 /// Largest exemplar file, in bytes.
 const EXEMPLAR_LIMIT: u64 = 1 << 30;
 
@@ -28,6 +32,12 @@ pub(super) fn run(global: &Global, args: &Synth) -> Result<Done, Stop> {
         Some("exr") => true,
         _ => return Err(Stop::Usage(format!("{}: expected a name that ends in .png or .exr", args.output.display()))),
     };
+    if args.output == args.exemplar {
+        return Err(Stop::Usage(format!("{} would overwrite the exemplar", args.output.display())));
+    }
+    if args.blend == Some(Blend::Variance) {
+        return Err(Stop::Usage("--blend variance: images blend by linear or none".into()));
+    }
     let maps = read(&args.exemplar)?;
     if global.dry_run {
         return Done::ok(format!("would write {}\n", args.output.display()));
@@ -66,7 +76,9 @@ fn make(args: &Synth, maps: &MapSet, exr: bool) -> Result<Vec<u8>, Stop> {
         seed: args.seed.unwrap_or(1),
         tileable: false,
     };
-    let sources = walk(&map, &walk_params).map_err(|e| fail(&e))?;
+    let walked = walk(&map, &walk_params).map_err(|e| fail(&e))?;
+    let passes = args.refine.unwrap_or(REFINE);
+    let sources = refine(&map, &comparison(maps, &params.importance), &walked, passes).map_err(|e| fail(&e))?;
     let kernel = match args.blend.unwrap_or(Blend::Linear) {
         Blend::None => BlendKernel::None,
         _ => BlendKernel::Three,
@@ -75,16 +87,9 @@ fn make(args: &Synth, maps: &MapSet, exr: bool) -> Result<Vec<u8>, Stop> {
     let color = color.ok_or_else(|| Stop::Failed("the exemplar has no colour".into()))?;
     let picture = match maps.get(MapKind::Opacity).map(|t| copy(t, &sources, kernel)) {
         None => color,
-        Some(alpha) => with_alpha(&color, &alpha),
+        Some(alpha) => color.with_alpha(&alpha),
     };
     let depth = if exr { SampleType::F32 } else { SampleType::U8 };
     let pixels = quantise(&picture, Encoding::Color, depth).map_err(|e| fail(&e))?;
     if exr { encode_exr(&pixels) } else { encode_png(&pixels, Compression::Fast, Transfer::Srgb) }.map_err(|e| fail(&e))
-}
-
-fn with_alpha(color: &Texture, alpha: &Texture) -> Texture {
-    Texture::from_fn(color.width(), color.height(), 4, |x, y, out| {
-        out[..3].copy_from_slice(color.get(x, y));
-        out[3] = alpha.get(x, y)[0];
-    })
 }

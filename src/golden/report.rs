@@ -21,6 +21,8 @@ pub enum Status {
     Missing,
     /// Not accepted yet.
     New,
+    /// The recipe could not be baked.
+    Failed,
 }
 
 impl Status {
@@ -37,6 +39,7 @@ impl Status {
             Status::Different => "different",
             Status::Missing => "missing",
             Status::New => "new",
+            Status::Failed => "failed",
         }
     }
 }

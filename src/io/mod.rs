@@ -15,3 +15,9 @@ mod scene_error;
 
 pub use image_pixels::{Pixels, SampleType, Samples};
 pub use scene_error::SceneError;
+
+/// An error of a scene with the name of its file, which only faults of single lines bear themselves.
+pub fn named(file: &str, error: &SceneError) -> String {
+    let text = error.to_string();
+    if text.starts_with(file) { text } else { format!("{file}: {text}") }
+}

@@ -94,7 +94,12 @@ pub(super) fn recipe(name: String, path: PathBuf, from: schema::Recipe, context:
     let exemplar = exemplar_of(exemplar.unwrap_or_default(), context);
     let schema::Synthesis { scale, seed, order, patch, refine, blend } = synthesis;
     let target = match canvas {
-        Some(canvas) => Target::Canvas(canvas_of(canvas, &exemplar, context)),
+        Some(canvas) => {
+            if blend == Blend::Variance {
+                context.not_yet("synthesis.blend", "\"variance\" on a canvas", "\"linear\" or \"none\"");
+            }
+            Target::Canvas(canvas_of(canvas, &exemplar, context))
+        }
         None => {
             let schema::Mesh { path, materials } = mesh.unwrap_or_default();
             Target::Mesh(MeshBake {
@@ -465,6 +470,15 @@ fn renders_of(from: Vec<schema::Render>, context: &mut Context) -> Vec<Render> {
             Some(camera) => camera_of(&format!("{key}.camera"), camera, context),
             None => View::Turntable(view.map_or(DEFAULT_TURNTABLE, |text| turntable(&key, &text, context))),
         };
+        let pixels = match view {
+            View::Turntable(n) => u64::from(n) * u64::from(size) * u64::from(size),
+            View::Camera { .. } => u64::from(size) * u64::from(size),
+        };
+        if pixels > limits::CANVAS_AREA {
+            let fault = context.fault(&format!("{key}.size"), format!("`{key}` has {pixels} pixels in all its views"));
+            let allowed = format!("at most {} pixels", limits::CANVAS_AREA);
+            context.findings.push(fault.found(pixels.to_string()).allowed(allowed));
+        }
         let base = match view {
             View::Turntable(n) => format!("turntable-{n}"),
             View::Camera { .. } => "camera".into(),

@@ -7,7 +7,7 @@ use crate::texture::{MapKind, MapSet, Texture};
 
 /// One texture of all maps with a positive weight: colours gamma-encoded, so that a step looks as large in the dark as in
 /// the light; normals halved, to span 0..1; each scaled by the square root of its weight.
-pub(super) fn comparison(maps: &MapSet, importance: &BTreeMap<MapKind, f64>) -> Texture {
+pub fn comparison(maps: &MapSet, importance: &BTreeMap<MapKind, f64>) -> Texture {
     let weight = |kind| importance.get(&kind).copied().unwrap_or(0.0).sqrt() as f32;
     let mut counted: Vec<(MapKind, &Texture, f32)> =
         maps.iter().map(|(kind, map)| (kind, map, weight(kind))).filter(|(.., w)| *w > 0.0).collect();

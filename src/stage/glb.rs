@@ -10,7 +10,7 @@ use crate::mesh::Surface;
 use crate::texture::{MapKind, MapSet, Texture};
 
 use super::prepare::Prepared;
-use super::rasterise::{Bundle, GLTF_ORM, with_alpha};
+use super::rasterise::{Bundle, GLTF_ORM};
 use super::surface::SceneFiles;
 use super::synthesise::Synthesised;
 
@@ -129,7 +129,7 @@ fn sample_maps(recipe: &str, maps: &MapSet) -> Result<(BakedMaps, Means), StepEr
         match get(MapKind::Opacity) {
             None => add("base_color", Use::BaseColor, color, Encoding::Color)?,
             Some(opacity) => {
-                let both = with_alpha(color, opacity);
+                let both = color.with_alpha(opacity);
                 alpha = alpha_mode(&quantise(&both, Encoding::Color, SampleType::U8)?);
                 add("base_color", Use::BaseColor, &both, Encoding::Color)?;
             }

@@ -16,7 +16,7 @@
 
 mod analyse;
 mod canvas;
-mod compare;
+pub mod compare;
 mod encode;
 mod field;
 mod glb;

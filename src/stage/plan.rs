@@ -67,11 +67,14 @@ pub fn add(graph: &mut Graph, recipe: &Recipe, out: &Path, disk: &dyn Disk) -> R
     let folder = out.join(&recipe.name);
     let planned = Planned { name: recipe.name.clone(), outputs: Vec::new(), steps: Vec::new() };
     let mut planner = Planner { graph, recipe, disk, folder, planned };
-    let maps = planner.maps();
-    let analyse = planner.analyse(maps);
+    // What can fail comes first, so that a recipe that can't be baked leaves no steps behind.
+    let maps = planner.map_files()?;
     match &recipe.target {
-        Target::Mesh(bake) => planner.mesh(bake, maps, analyse)?,
-        Target::Canvas(canvas) => planner.canvas(canvas, maps, analyse),
+        Target::Mesh(bake) => {
+            let scene = planner.scene(bake)?;
+            planner.mesh(bake, scene, maps);
+        }
+        Target::Canvas(canvas) => planner.canvas(canvas, maps),
     }
     Ok(planner.planned)
 }
@@ -102,18 +105,34 @@ impl Planner<'_> {
         self.recipe.name.clone()
     }
 
+    /// The exemplar's files, all of which are there.
+    fn map_files(&self) -> Result<Vec<PathBuf>, PlanError> {
+        let exemplar = &self.recipe.exemplar;
+        let files = exemplar.maps.iter().map(|m| &m.file).chain(&exemplar.feature_mask);
+        files
+            .map(|file| match self.disk.stamp(&file.path) {
+                Ok(Some(_)) => Ok(file.path.clone()),
+                Ok(None) => {
+                    let (path, key, place) = (file.path.display(), &file.key, &file.place);
+                    Err(PlanError(format!("{path}: there is no such file (named as {key} in {place})")))
+                }
+                Err(e) => {
+                    Err(PlanError(format!("{}: {e} (named as {} in {})", file.path.display(), file.key, file.place)))
+                }
+            })
+            .collect()
+    }
+
     /// Decodes the exemplar's files.
-    fn maps(&mut self) -> StepId {
+    fn maps(&mut self, files: Vec<PathBuf>) -> StepId {
         let exemplar = &self.recipe.exemplar;
         let slot = |map: MapFile| match map {
             MapFile::Orm => Slot::Orm,
             single => Slot::Map(single.kinds()[0]),
         };
         let mut slots: Vec<Slot> = exemplar.maps.iter().map(|m| slot(m.map)).collect();
-        let mut files: Vec<PathBuf> = exemplar.maps.iter().map(|m| m.file.path.clone()).collect();
-        if let Some(mask) = &exemplar.feature_mask {
+        if exemplar.feature_mask.is_some() {
             slots.push(Slot::Map(MapKind::FeatureMask));
-            files.push(mask.path.clone());
         }
         let inputs: Vec<InputId> = files.into_iter().map(|f| self.graph.add_file(f)).collect();
         let normal_y = match exemplar.normal_y {
@@ -136,7 +155,9 @@ impl Planner<'_> {
     }
 
     /// A flat image.
-    fn canvas(&mut self, canvas: &Canvas, maps: StepId, analyse: StepId) {
+    fn canvas(&mut self, canvas: &Canvas, files: Vec<PathBuf>) {
+        let maps = self.maps(files);
+        let analyse = self.analyse(maps);
         let Canvas { width, height, tileable, order, maps: files, compression } = canvas;
         let order = match order {
             recipe::CanvasOrder::Scanline => ImageOrder::Scanline,
@@ -190,8 +211,9 @@ impl Planner<'_> {
     }
 
     /// A textured mesh.
-    fn mesh(&mut self, bake: &MeshBake, maps: StepId, analyse: StepId) -> Result<(), PlanError> {
-        let (scene, files) = self.scene(bake)?;
+    fn mesh(&mut self, bake: &MeshBake, (scene, files): (SceneFiles, Vec<InputId>), maps: Vec<PathBuf>) {
+        let maps = self.maps(maps);
+        let analyse = self.analyse(maps);
         let recipe = self.name();
         let surface = self.step(ReadSurface { recipe: recipe.clone(), scene: scene.clone() }, &files);
         let scale = match bake.scale {
@@ -249,7 +271,6 @@ impl Planner<'_> {
         inputs[3] = analyse.into();
         let report = self.step(Report { recipe }, &inputs);
         self.output(report, "report.json");
-        Ok(())
     }
 }
 
@@ -285,7 +306,9 @@ fn layout(atlas: &recipe::Atlas) -> (Layout, u32) {
         recipe::AtlasSize::Side(side) => (Extent::Page(side), side),
         recipe::AtlasSize::TexelsPerUnit(density) => (Extent::TexelsPerUnit(density), 1024),
     };
-    let gutter_px = atlas.gutter.unwrap_or_else(|| default_gutter_px(side));
+    // Without mip levels nothing looks further than the next texel.
+    let enough = if atlas.mips { default_gutter_px(side) } else { 2 };
+    let gutter_px = atlas.gutter.unwrap_or(enough);
     let layout = match atlas.layout {
         recipe::Layout::KeepUv => Layout::Keep { set: 0, size: side },
         recipe::Layout::Unwrap(library) => {

@@ -102,7 +102,7 @@ pub(super) fn images(
                 pack_orm(o.as_ref(), r.as_ref(), m.as_ref())
             }
             MapFile::BaseColor => match (get(MapKind::BaseColor)?, get(MapKind::Opacity)?) {
-                (Some(color), Some(alpha)) => Some(with_alpha(&color, &alpha)),
+                (Some(color), Some(alpha)) => Some(color.with_alpha(&alpha)),
                 (color, _) => color,
             },
             file => get(file.kinds()[0])?,
@@ -122,14 +122,6 @@ pub(super) fn images(
         }
     }
     Ok(Bundle { images: bundle, figures: BTreeMap::new() })
-}
-
-/// Colour and alpha as one texture of four channels.
-pub(super) fn with_alpha(color: &Texture, alpha: &Texture) -> Texture {
-    Texture::from_fn(color.width(), color.height(), 4, |x, y, out| {
-        out[..3].copy_from_slice(color.get(x, y));
-        out[3] = alpha.get(x, y)[0];
-    })
 }
 
 /// Reads surface, synthesis mesh, corner coordinates, atlas and maps.

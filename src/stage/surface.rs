@@ -1,8 +1,8 @@
 //! Step: read the scene and take out the surface to be textured, in world units.
 
 use crate::build::{Inputs, Step, StepError, Visitor};
-use crate::io::SceneError;
 use crate::io::artefact::Artefact;
+use crate::io::named;
 use crate::io::scene::Document;
 
 /// Reads a scene; input 0 is its file, the others are the files it refers to.
@@ -37,14 +37,8 @@ impl SceneFiles {
             Some(i) => Ok(inputs[1 + i].to_vec()),
             None => Err("the file is not there".to_string()),
         };
-        Document::parse(inputs.label(0), &inputs[0], &mut resolve).map_err(|e| named(inputs, e))
+        Document::parse(inputs.label(0), &inputs[0], &mut resolve).map_err(|e| named(inputs.label(0), &e).into())
     }
-}
-
-/// An error of a scene with the name of its file, which only faults of single lines bear themselves.
-fn named(inputs: &Inputs, error: SceneError) -> StepError {
-    let (label, text) = (inputs.label(0), error.to_string());
-    if text.starts_with(label) { text.into() } else { format!("{label}: {text}").into() }
 }
 
 impl Step for ReadSurface {
@@ -56,7 +50,7 @@ impl Step for ReadSurface {
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
         let document = self.scene.document(inputs)?;
-        let surface = document.surface(self.scene.materials.as_deref()).map_err(|e| named(inputs, e))?;
+        let surface = document.surface(self.scene.materials.as_deref()).map_err(|e| named(inputs.label(0), &e))?;
         Ok(surface.to_bytes())
     }
 }

@@ -89,6 +89,19 @@ impl Texture {
         t
     }
 
+    /// This texture of three channels with another's one channel as the fourth. Panics if sizes or channels differ.
+    pub fn with_alpha(&self, alpha: &Texture) -> Texture {
+        assert_eq!(
+            (alpha.width, alpha.height, alpha.channels, self.channels),
+            (self.width, self.height, 1, 3),
+            "alpha"
+        );
+        Texture::from_fn(self.width, self.height, 4, |x, y, out| {
+            out[..3].copy_from_slice(self.get(x, y));
+            out[3] = alpha.get(x, y)[0];
+        })
+    }
+
     /// Texels per row.
     pub fn width(&self) -> u32 {
         self.width

@@ -191,7 +191,8 @@ fn no_op(bench: &Bench) {
     let kiln = || {
         let mut command = Command::new(env!("CARGO_BIN_EXE_kiln"));
         command.arg("-C").arg(root()).args(["bake", "-q"]);
-        command.output().expect("kiln runs")
+        let ran = command.output().expect("kiln runs");
+        assert!(ran.status.success(), "the recipes bake");
     };
     if "no-op bake of recipes/".contains(&bench.filter) {
         kiln();

@@ -12,7 +12,8 @@ check() {
   "$2" -C "$folder" -j "$3" check -q
 }
 
-cargo build --release --locked "$@"
-for jobs in 1 2 8; do check "release" target/release/kiln "$jobs"; done
-RUSTFLAGS="-C target-cpu=native" cargo build --release --locked --target-dir target/native "$@"
-check "release for this CPU" target/native/release/kiln 2
+target=${CARGO_TARGET_DIR:-target}
+cargo build --release --locked --target-dir "$target" "$@"
+for jobs in 1 2 8; do check "release" "$target"/release/kiln "$jobs"; done
+RUSTFLAGS="-C target-cpu=native" cargo build --release --locked --target-dir "$target"/native "$@"
+check "release for this CPU" "$target"/native/release/kiln 2
