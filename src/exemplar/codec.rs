@@ -56,8 +56,8 @@ impl JumpMap {
         if (u64::from(word(20)) << 32) | u64::from(word(16)) != checksum(packed) {
             return Err(Error::Damaged("the checksum differs"));
         }
-        if width == 0 || height == 0 || width > 65536 || height > 65536 {
-            return Err(Error::Damaged("a side is 0 or above 65536"));
+        if width == 0 || height == 0 || width > 65535 || height > 65535 {
+            return Err(Error::Damaged("a side is 0 or above 65535"));
         }
         let texels = u64::from(width) * u64::from(height);
         let size = texels + 6 * count as u64;
@@ -152,7 +152,7 @@ mod tests {
         };
         assert_eq!(fault(&[]), "too short for a header");
         assert_eq!(fault(&[0; 40]), "no KJM1 mark");
-        assert_eq!(fault(&forged(4, 0, None)), "a side is 0 or above 65536");
+        assert_eq!(fault(&forged(4, 0, None)), "a side is 0 or above 65535");
         assert_eq!(fault(&forged(4, 65536, None)), "too short for its size");
         assert_eq!(fault(&forged(12, u32::MAX, None)), "too short for its size");
         assert_eq!(fault(&forged(12, 4, None)), "the LZ4 block does not unpack to its size");

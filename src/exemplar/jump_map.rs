@@ -3,7 +3,8 @@
 //! Source: \[ZG02\] section 2; fractional look-ups: \[ZG03\] section 4.2.3 and figure 5.
 //! Unaware of: how the lists were found, meshes, files.
 
-use crate::texture::{Texel, texel};
+use super::Domain;
+use crate::texture::{Texel, Wrap, texel};
 
 /// One jump: a destination texel and the probability of taking it (\[ZG02\] Eq. 1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
@@ -30,8 +31,7 @@ pub struct FloatJump {
 /// missing is the probability of no jump (\[ZG02\] Eq. 2).
 #[derive(Clone, Debug, PartialEq)]
 pub struct JumpMap {
-    width: u32,
-    height: u32,
+    domain: Domain,
     starts: Vec<u32>,
     jumps: Vec<Jump>,
 }
@@ -40,30 +40,40 @@ impl JumpMap {
     /// Builds from one row of jumps per texel, row by row. Panics if the number of rows is not `width * height`, a
     /// destination lies outside, a side exceeds 65536 or a row 255 jumps.
     pub fn from_rows(width: u32, height: u32, rows: &[Vec<Jump>]) -> Self {
+        Self::over(Domain::full(width, height, Wrap::Clamp), rows)
+    }
+
+    /// As [`JumpMap::from_rows`], for the texels of a domain; those that do not belong have no jumps.
+    pub fn over(domain: Domain, rows: &[Vec<Jump>]) -> Self {
+        let (width, height) = (domain.width(), domain.height());
         assert_eq!(rows.len(), width as usize * height as usize, "one row per texel");
-        assert!(width <= 65536 && height <= 65536, "destinations are 16-bit");
         let mut starts = Vec::with_capacity(rows.len() + 1);
         starts.push(0);
         let mut jumps = Vec::with_capacity(rows.iter().map(Vec::len).sum());
         for row in rows {
             assert!(row.len() <= 255, "{} jumps of one texel", row.len());
             for j in row {
-                assert!(u32::from(j.x) < width && u32::from(j.y) < height, "a jump out of the exemplar");
+                assert!(domain.contains(j.x.into(), j.y.into()), "a jump out of the exemplar");
             }
             jumps.extend_from_slice(row);
             starts.push(jumps.len() as u32);
         }
-        JumpMap { width, height, starts, jumps }
+        JumpMap { domain, starts, jumps }
+    }
+
+    /// The texels that may be sources.
+    pub fn domain(&self) -> &Domain {
+        &self.domain
     }
 
     /// Texels per row of the exemplar.
     pub fn width(&self) -> u32 {
-        self.width
+        self.domain.width()
     }
 
     /// Rows of the exemplar.
     pub fn height(&self) -> u32 {
-        self.height
+        self.domain.height()
     }
 
     /// The number of jumps of each texel, row by row, and all jumps in that order.
@@ -73,8 +83,8 @@ impl JumpMap {
 
     /// Jumps of a texel, best first. Panics outside.
     pub fn row(&self, x: u32, y: u32) -> &[Jump] {
-        assert!(x < self.width, "column {x} of {}", self.width);
-        let i = y as usize * self.width as usize + x as usize;
+        assert!(x < self.domain.width(), "column {x} of {}", self.domain.width());
+        let i = y as usize * self.domain.width() as usize + x as usize;
         &self.jumps[self.starts[i] as usize..self.starts[i + 1] as usize]
     }
 
@@ -83,13 +93,13 @@ impl JumpMap {
     /// Source: \[ZG03\] 4.2.3, Fig. 5.
     pub fn look_up(&self, pos: Texel, out: &mut Vec<FloatJump>) {
         let (fx, fy) = (pos.x - 0.5, pos.y - 0.5);
-        let x0 = fx.floor().clamp(0.0, (self.width - 1) as f32);
-        let y0 = fy.floor().clamp(0.0, (self.height - 1) as f32);
+        let x0 = fx.floor().clamp(0.0, (self.domain.width() - 1) as f32);
+        let y0 = fy.floor().clamp(0.0, (self.domain.height() - 1) as f32);
         let (tx, ty) = ((fx - x0).clamp(0.0, 1.0), (fy - y0).clamp(0.0, 1.0));
         for (dy, wy) in [(0u32, 1.0 - ty), (1, ty)] {
             for (dx, wx) in [(0u32, 1.0 - tx), (1, tx)] {
                 let (x, y, w) = (x0 as u32 + dx, y0 as u32 + dy, wx * wy);
-                if w <= 0.0 || x >= self.width || y >= self.height {
+                if w <= 0.0 || x >= self.domain.width() || y >= self.domain.height() {
                     continue;
                 }
                 // The row belongs to the centre (x + 0.5, y + 0.5); keep our distance from it.

@@ -4,6 +4,7 @@
 
 mod analysis;
 mod codec;
+mod domain;
 mod error;
 mod jump_map;
 mod matching;
@@ -14,6 +15,7 @@ mod pyramid;
 mod tests;
 
 pub use analysis::{AnalysisReport, analyse, recall};
+pub use domain::Domain;
 pub use error::Error;
 pub use jump_map::{FloatJump, Jump, JumpMap};
 pub use params::AnalysisParams;

@@ -18,8 +18,8 @@ const MAX_DIVERSITY: u32 = 64;
 const MAX_IMPORTANCE: f64 = 1e6;
 /// Squares of such values, times the importance, summed over a vector, stay finite.
 const MAX_VALUE: f32 = 1e6;
-/// Destinations are 16-bit.
-const MAX_SIDE: u32 = 65536;
+/// Destinations are 16-bit, and the largest number marks what is no texel.
+const MAX_SIDE: u32 = 65535;
 /// 4096 x 4096.
 const MAX_TEXELS: u64 = 1 << 24;
 const MAX_MEMORY: u64 = 8 << 30;
