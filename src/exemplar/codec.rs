@@ -153,7 +153,7 @@ mod tests {
         assert_eq!(fault(&[]), "too short for a header");
         assert_eq!(fault(&[0; 40]), "no KJM1 mark");
         assert_eq!(fault(&forged(4, 0, None)), "a side is 0 or above 65535");
-        assert_eq!(fault(&forged(4, 65536, None)), "too short for its size");
+        assert_eq!(fault(&forged(4, 65535, None)), "too short for its size");
         assert_eq!(fault(&forged(12, u32::MAX, None)), "too short for its size");
         assert_eq!(fault(&forged(12, 4, None)), "the LZ4 block does not unpack to its size");
         let block = |counts: [u8; 6], x: u8| {

@@ -38,7 +38,7 @@ pub struct JumpMap {
 
 impl JumpMap {
     /// Builds from one row of jumps per texel, row by row. Panics if the number of rows is not `width * height`, a
-    /// destination lies outside, a side exceeds 65536 or a row 255 jumps.
+    /// destination lies outside, a side exceeds 65535 or a row 255 jumps.
     pub fn from_rows(width: u32, height: u32, rows: &[Vec<Jump>]) -> Self {
         Self::over(Domain::full(width, height, Wrap::Clamp), rows)
     }

@@ -265,7 +265,7 @@ fn bad_input_is_named() {
     assert_eq!(fault(&with_value(f32::NAN), &|_| ()), want);
     assert!(fault(&with_value(f32::INFINITY), &|_| ()).contains("holds inf"));
     let long = fault(&heights(65_537, 9, |_, _| 0.0), &|_| ());
-    assert_eq!(long, "the exemplar is 65537x9 texels, at most 65536 per side and 16777216 in all can be analysed");
+    assert_eq!(long, "the exemplar is 65537x9 texels, at most 65535 per side and 16777216 in all can be analysed");
     let greedy = fault(&heights(512, 512, |_, _| 0.0), &|p| (p.jumps, p.diversity) = (64, 64));
     assert!(greedy.starts_with("the analysis would take 12.0 GiB, at most 8 are allowed"), "{greedy}");
 }
