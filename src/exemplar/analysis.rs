@@ -16,8 +16,7 @@ use crate::numerics::rng::Key;
 use crate::numerics::{par, pca};
 use crate::texture::MapSet;
 
-/// Texels whose vectors are used to find the principal components. Drawn one from each of as many runs of texels: a
-/// regular grid would see one phase of a periodic exemplar.
+/// Texels whose vectors are used to find the principal components.
 const SAMPLES: usize = 4096;
 
 /// What an analysis found.
@@ -100,16 +99,8 @@ struct Prepared {
 fn prepare(maps: &MapSet, params: &AnalysisParams) -> Result<Prepared, Error> {
     params.check(maps)?;
     let vectors = Neighbourhoods::new(maps, params);
-    let (len, dimensions) = (vectors.len(), vectors.dims());
-    let count = len.min(SAMPLES.max(4 * dimensions));
-    let key = Key::new(0).with_str("pca");
-    let mut samples = Vec::with_capacity(count * dimensions);
-    for i in 0..count {
-        let (start, end) = (i * len / count, (i + 1) * len / count);
-        vectors.push_vector(start + key.below(i as u64, (end - start) as u32) as usize, &mut samples);
-    }
-    let pca = pca::fit(&samples, dimensions, params.variance);
-    drop(samples);
+    let dimensions = vectors.dims();
+    let pca = pca::fit(&vectors.sample(SAMPLES.max(4 * dimensions)), dimensions, params.variance, dimensions);
     params.check_memory(maps, pca.basis.len())?;
     let grid = Grid {
         width: maps.width(),

@@ -3,6 +3,7 @@
 //! [`analyse`] is the way in: it reads as figure 2 of \[ZG02\], one file per step.
 
 mod analysis;
+mod appearance;
 mod codec;
 mod domain;
 mod error;
@@ -15,6 +16,7 @@ mod pyramid;
 mod tests;
 
 pub use analysis::{AnalysisReport, analyse, recall};
+pub use appearance::{Appearance, appearance};
 pub use domain::Domain;
 pub use error::Error;
 pub use jump_map::{FloatJump, Jump, JumpMap};

@@ -12,6 +12,7 @@ use super::params::AnalysisParams;
 use super::pyramid::{BLOCK, Pyramid};
 use crate::numerics::knn::{Points, RANGE};
 use crate::numerics::pca::Pca;
+use crate::numerics::rng::Key;
 use crate::numerics::{det, par};
 use crate::texture::{MapKind, MapSet, Texture};
 use wide::f32x8;
@@ -65,6 +66,40 @@ impl Neighbourhoods {
     pub(crate) fn push_vector(&self, texel: usize, out: &mut Vec<f32>) {
         let at = self.pyramid.at(texel % self.pyramid.width, texel / self.pyramid.width) as isize;
         out.extend(self.taps.iter().map(|t| self.pyramid.planes[t.plane][(at + t.offset) as usize]));
+    }
+
+    /// The vectors of up to `count` texels, drawn one from each of as many runs of texels: a regular grid would see one
+    /// phase of a periodic exemplar.
+    pub(crate) fn sample(&self, count: usize) -> Vec<f32> {
+        let (len, key) = (self.len(), Key::new(0).with_str("pca"));
+        let count = count.min(len);
+        let mut samples = Vec::with_capacity(count * self.dims());
+        for i in 0..count {
+            let (start, end) = (i * len / count, (i + 1) * len / count);
+            self.push_vector(start + key.below(i as u64, (end - start) as u32) as usize, &mut samples);
+        }
+        samples
+    }
+
+    /// `scale` times the projections of every vector on the principal directions, texel by texel, `components` values
+    /// each; directions that there are not give zeros.
+    pub(crate) fn features(&self, pca: &Pca, scale: f64, components: usize) -> Vec<f32> {
+        let width = self.pyramid.width;
+        let groups = self.weights(pca, scale);
+        let mut features = vec![0.0; self.len() * components];
+        par::for_rows(&mut features, width * components, |y, row| {
+            for x in (0..width).step_by(BLOCK) {
+                for (g, (start, weights)) in groups.iter().enumerate() {
+                    let sums = self.block_sums(self.pyramid.at(x, y), start, weights);
+                    for (i, point) in row[x * components..].chunks_exact_mut(components).take(BLOCK).enumerate() {
+                        for (p, sum) in point.iter_mut().skip(g * GROUP).zip(&sums) {
+                            *p = sum.as_array()[i];
+                        }
+                    }
+                }
+            }
+        });
+        features
     }
 
     /// Projects every vector on the principal directions and rounds to integers.

@@ -121,6 +121,11 @@ impl AnalysisParams {
         maps.iter().filter(|(k, _)| self.weight(*k) > 0.0).map(|(k, _)| k.channels() as usize).sum()
     }
 
+    /// Components of a neighbourhood vector.
+    pub(crate) fn dimensions(&self, maps: &MapSet) -> usize {
+        self.neighbourhoods.iter().map(|n| (n * n) as usize).sum::<usize>() * self.channels(maps)
+    }
+
     fn check_numbers(&self) -> Result<(), Error> {
         let levels = self.neighbourhoods.len();
         if !(1..=MAX_LEVELS).contains(&levels) {
@@ -148,13 +153,12 @@ impl AnalysisParams {
     }
 
     fn check_maps(&self, maps: &MapSet) -> Result<(), Error> {
-        let channels = self.channels(maps);
-        if channels == 0 {
+        if self.channels(maps) == 0 {
             return Err(Error::NothingToCompare { maps: maps.iter().map(|(k, _)| k).collect() });
         }
-        let texels: usize = self.neighbourhoods.iter().map(|n| (n * n) as usize).sum();
-        if texels * channels > MAX_DIMENSIONS {
-            return Err(Error::Dimensions { found: texels * channels, max: MAX_DIMENSIONS });
+        let found = self.dimensions(maps);
+        if found > MAX_DIMENSIONS {
+            return Err(Error::Dimensions { found, max: MAX_DIMENSIONS });
         }
         for (map, texture) in maps.iter() {
             if let Some(i) = texture.data().iter().position(|v| v.is_nan() || v.abs() > MAX_VALUE) {

@@ -6,7 +6,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use kiln::bake::{self, Coverage, Extent, Library, UnwrapParams, bake_map, default_gutter_px, tangents};
-use kiln::exemplar::{AnalysisParams, analyse};
+use kiln::exemplar::{AnalysisParams, analyse, appearance};
 use kiln::field::{self, Field, Symmetry};
 use kiln::io::SampleType;
 use kiln::io::image_file::{Compression, Transfer, encode_exr, encode_png};
@@ -91,6 +91,12 @@ fn analysis(bench: &Bench, pebbles: &MapSet) {
                 par::install(jobs, || analyse(set, &AnalysisParams::default()))
             });
         }
+    }
+    for neighbourhoods in [vec![5], vec![7], vec![5, 3]] {
+        let params = AnalysisParams { neighbourhoods, ..AnalysisParams::default() };
+        bench.run(&format!("appearance pebbles {:?}, -j 2", params.neighbourhoods), 65.536, "ktexel/s", || {
+            par::install(2, || appearance(pebbles, &params, 8))
+        });
     }
 }
 
