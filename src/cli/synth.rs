@@ -10,11 +10,12 @@ use crate::io::image_quantise::{Encoding, quantise};
 use crate::io::image_set::{Options, Slot, load};
 use crate::numerics::par;
 use crate::recipe::{Blend, CanvasOrder};
-use crate::stage::compare::comparison;
+use crate::synth::image_canvas::{ImageCanvas, ImageTask};
 use crate::synth::image_copy::{BlendKernel, copy};
 use crate::synth::image_order::ImageOrder;
-use crate::synth::image_refine::refine;
-use crate::synth::image_walk::{ImageWalkParams, walk};
+use crate::synth::image_walk::ImageWalkParams;
+use crate::synth::seam_metric::SeamMetrics;
+use crate::synth::source_map::Rect;
 use crate::texture::{MapKind, MapSet};
 
 use super::args::{Global, Synth};
@@ -76,9 +77,11 @@ fn make(args: &Synth, maps: &MapSet, exr: bool) -> Result<Vec<u8>, Stop> {
         seed: args.seed.unwrap_or(1),
         tileable: false,
     };
-    let walked = walk(&map, &walk_params).map_err(|e| fail(&e))?;
-    let passes = args.refine.unwrap_or(REFINE);
-    let sources = refine(&map, &comparison(maps, &params.importance), &walked, passes).map_err(|e| fail(&e))?;
+    let refine = args.refine.unwrap_or(REFINE);
+    let metrics = SeamMetrics::new(maps, &params).map_err(|e| fail(&e))?;
+    let task = ImageTask { jumps: &map, metrics: Some(&metrics), walk: walk_params, refine, guide: None, given: None };
+    let mut canvas = ImageCanvas::new(task).map_err(|e| fail(&e))?;
+    let sources = canvas.window(Rect::whole(size));
     let kernel = match args.blend.unwrap_or(Blend::Linear) {
         Blend::None => BlendKernel::None,
         _ => BlendKernel::Three,

@@ -8,6 +8,7 @@ pub mod cg;
 pub mod csr;
 pub mod det;
 pub mod eigen;
+pub mod gridcut;
 pub mod knn;
 pub mod multigrid;
 pub mod par;

@@ -3,14 +3,15 @@
 use std::collections::BTreeMap;
 
 use crate::build::{Inputs, Step, StepError, Visitor};
-use crate::exemplar::JumpMap;
+use crate::exemplar::{AnalysisParams, JumpMap};
 use crate::io::artefact::{Artefact, Damaged, Reader, Writer};
+use crate::synth::image_canvas::{ImageCanvas, ImageTask};
 use crate::synth::image_copy::{BlendKernel, copy};
-use crate::synth::image_refine::refine;
-use crate::synth::image_walk::{ImageCounters, ImageWalkParams, SourceMap, walk};
+use crate::synth::image_walk::ImageWalkParams;
+use crate::synth::seam_metric::SeamMetrics;
+use crate::synth::source_map::{ImageCounters, Rect, SourceMap};
 use crate::texture::{MapKind, MapSet};
 
-use super::compare::comparison;
 use super::rasterise::{ImageSpec, images};
 
 /// Reads the jump map and the maps.
@@ -47,7 +48,7 @@ impl Artefact for SourceMap {
 }
 
 impl Step for WalkImage {
-    super::step_identity!("walk image", 1);
+    super::step_identity!("walk image", 2);
 
     fn describe(&self, v: &mut dyn Visitor) {
         let ImageWalkParams { size, order, patch, seed, tileable } = &self.params;
@@ -62,13 +63,18 @@ impl Step for WalkImage {
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
         let map = JumpMap::from_bytes(&inputs[0])?;
-        let walked = walk(&map, &self.params)?;
-        if self.refine == 0 {
-            return Ok(walked.to_bytes());
-        }
         let maps: MapSet = super::read(inputs, 1)?;
-        let compared = comparison(&maps, &self.importance);
-        Ok(refine(&map, &compared, &walked, self.refine)?.to_bytes())
+        let analysis = AnalysisParams { importance: self.importance.clone(), ..AnalysisParams::default() };
+        let metrics = SeamMetrics::new(&maps, &analysis)?;
+        let task = ImageTask {
+            jumps: &map,
+            metrics: Some(&metrics),
+            walk: self.params,
+            refine: self.refine,
+            guide: None,
+            given: None,
+        };
+        Ok(ImageCanvas::new(task)?.window(Rect::whole(self.params.size)).to_bytes())
     }
 }
 

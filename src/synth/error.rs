@@ -51,6 +51,22 @@ pub enum Error {
         /// Size of the exemplar.
         expected: [u32; 2],
     },
+    /// Guide maps of canvas and exemplar with different channels, or more than four.
+    GuideChannels {
+        /// Channels of the canvas' map.
+        target: u32,
+        /// Channels of the exemplar's.
+        exemplar: u32,
+    },
+    /// A guide's map of the canvas of another size than that.
+    GuideSize {
+        /// Its size in pixels.
+        found: [u32; 2],
+        /// Size of the canvas.
+        expected: [u32; 2],
+    },
+    /// The weight of a guide, must lie in 0..=100.
+    GuideWeight(f32),
     /// An element of a list that must have one entry per vertex or corner.
     Count {
         /// What is counted.
@@ -97,6 +113,15 @@ impl fmt::Display for Error {
             Error::TextureSize { found: [w, h], expected: [ew, eh] } => {
                 write!(f, "a texture or jump map of {w} x {h} for an exemplar of {ew} x {eh} texels")
             }
+            Error::GuideChannels { target, exemplar } => write!(
+                f,
+                "a guide of {target} channels for the canvas and {exemplar} for the exemplar: expected as many in both, at \
+                 most 4"
+            ),
+            Error::GuideSize { found: [w, h], expected: [ew, eh] } => {
+                write!(f, "a guide of {w} x {h} pixels for a canvas of {ew} x {eh}")
+            }
+            Error::GuideWeight(w) => write!(f, "a guide of weight {w}: expected a number in 0..=100"),
             Error::Count { what, found, expected } => write!(f, "{found} {what}: expected {expected}"),
         }
     }

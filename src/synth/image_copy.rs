@@ -6,7 +6,7 @@
 //! exactly. Parts of patches that lie outside the exemplar do not count.
 //! Unaware of: what the channels mean; whoever copies normals renormalises them.
 
-use super::image_walk::SourceMap;
+use super::source_map::{Rect, SourceMap};
 use crate::texture::Texture;
 
 /// How patches are blended.
@@ -33,9 +33,16 @@ impl BlendKernel {
 
 /// Makes the picture of `map` out of `texture`, which must have the size of the analysed exemplar (else this panics).
 pub fn copy(texture: &Texture, map: &SourceMap, kernel: BlendKernel) -> Texture {
+    copy_window(texture, map, Rect::whole([map.width, map.height]), kernel)
+}
+
+/// As [`copy`], a part of it only; pixels around the part take part in the blending. Panics if it does not fit.
+pub fn copy_window(texture: &Texture, map: &SourceMap, part: Rect, kernel: BlendKernel) -> Texture {
     assert_eq!([texture.width(), texture.height()], map.exemplar_size, "a texture of another size than the exemplar");
+    assert!(part.fits([map.width, map.height]), "a part {part:?} of {} x {}", map.width, map.height);
     let weights = kernel.weights();
-    Texture::from_fn(map.width, map.height, texture.channels(), |x, y, out| {
+    Texture::from_fn(part.width, part.height, texture.channels(), |x, y, out| {
+        let (x, y) = (part.x + x, part.y + y);
         let own = source(map, i64::from(x), i64::from(y)).unwrap_or_default();
         if kernel == BlendKernel::None || all_agree(map, [x, y], own, weights.len() as i64 / 2) {
             out.copy_from_slice(texture.get(own[0] as u32, own[1] as u32));
@@ -43,6 +50,13 @@ pub fn copy(texture: &Texture, map: &SourceMap, kernel: BlendKernel) -> Texture 
             blend(texture, map, [x, y], weights, out);
         }
     })
+}
+
+impl BlendKernel {
+    /// Pixels around a part that its picture depends on.
+    pub fn reach(self) -> u32 {
+        self.weights().len() as u32 / 2
+    }
 }
 
 /// The texel that pixel (x, y) was given; `None` outside the image.

@@ -6,16 +6,22 @@
 //! known. Without them the result is the published method's.
 //! Unaware of: how the jump map or the offsets were made, what the outputs are used for, files.
 
+mod board;
 pub mod corner;
 mod error;
+pub mod guide;
 mod hierarchy;
+pub mod image_canvas;
 pub mod image_copy;
 pub mod image_order;
 pub mod image_refine;
 pub mod image_walk;
+mod image_window;
 pub mod rendering_sequence;
 mod room;
 mod seam;
+pub mod seam_metric;
+pub mod source_map;
 pub mod vertex_order;
 pub mod vertex_refine;
 pub mod vertex_walk;

@@ -61,19 +61,6 @@ impl Field {
         inside.then(|| (y * self.size[0] + x) as usize)
     }
 
-    /// The inverse of [`Field::index`].
-    pub fn place(&self, index: usize) -> Place {
-        let (index, width) = (index as u32, self.size[0] as u32);
-        [(index % width) as i32, (index / width) as i32]
-    }
-
-    /// Squared difference of two texels in relation to what varies around them.
-    #[inline(always)]
-    pub fn difference(&self, a: usize, b: usize) -> f32 {
-        let texel = |i: usize| &self.values[i * self.quads..(i + 1) * self.quads];
-        square(texel(a), texel(b)) * self.sharpness[a] * self.sharpness[b]
-    }
-
     /// Quads of a sample.
     pub fn quads(&self) -> usize {
         self.quads
@@ -120,7 +107,7 @@ pub(super) fn square(a: &[[f32; 4]], b: &[[f32; 4]]) -> f32 {
 }
 
 /// The mean over a square of 2 `reach` + 1 texels, of those that are inside.
-fn box_mean(values: &[f32], [w, h]: [u32; 2], channels: usize, reach: usize) -> Vec<f32> {
+pub(super) fn box_mean(values: &[f32], [w, h]: [u32; 2], channels: usize, reach: usize) -> Vec<f32> {
     if reach == 0 {
         return values.to_vec();
     }
@@ -218,7 +205,7 @@ mod tests {
         assert_eq!(field.sample(texel(3.0, 5.6), &mut ours), None);
         // The product x y varies most at the far corner.
         assert!(field.sharpness[0] > field.sharpness[47]);
-        assert_eq!(field.place(field.index([3, 2]).unwrap()), [3, 2]);
+        assert_eq!(field.index([3, 2]), Some(19));
         assert_eq!(field.index([8, 2]), None);
     }
 

@@ -41,9 +41,11 @@ def measure(job):
     """Figures of one output of kiln."""
     kiln, flags, name, seed, out = job
     exemplar = SHARED / "data/textures" / name
+    quality = tool()
+    if not kiln:
+        return name, seed, quality.measure(quality.load(exemplar), quality.load(out))
     command = [kiln, "synth", exemplar, "-o", out, "--size", f"{SIDE}x{SIDE}", "--seed", seed, "-j", "1", "-q", *flags]
     subprocess.run([str(c) for c in command], check=True)
-    quality = tool()
     return name, seed, quality.measure(quality.load(exemplar), quality.load(out))
 
 
@@ -86,6 +88,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--kiln", default=ROOT / "target/release/kiln", help="the program to measure")
     parser.add_argument("--keep", help="folder that keeps the pictures")
+    parser.add_argument("--measure", action="store_true", help="measure the pictures in the folder, make none")
     parser.add_argument("--seeds", default="1", help="comma-separated; the median over them is judged")
     parser.add_argument("--only", help="measure exemplars whose names contain this")
     parser.add_argument("--json", help="write all figures to this file")
@@ -100,7 +103,7 @@ def main():
         folder = Path(args.keep or scratch)
         folder.mkdir(parents=True, exist_ok=True)
         seeds = args.seeds.split(",")
-        jobs = [(args.kiln, args.flags, n, s, folder / f"{Path(n).stem}.{s}.png") for n in names for s in seeds]
+        jobs = [(None if args.measure else args.kiln, args.flags, n, s, folder / f"{Path(n).stem}.{s}.png") for n in names for s in seeds]
         rows = {n: [] for n in names}
         for name, _, figures in pool.map(measure, jobs):
             rows[name].append(figures)
