@@ -67,7 +67,8 @@ pub(super) fn refine_board(
             _ => (passes.saturating_mul(2), FRESH),
         };
         let mut level = Level::new(board, stride);
-        let usage = Usage::new(jumps.domain(), level.sources.iter().copied().filter(|s| *s != EMPTY));
+        let known: Vec<[u16; 2]> = level.sources.iter().copied().filter(|s| *s != EMPTY).collect();
+        let usage = Usage::new(jumps.domain(), known.into_iter());
         let mut scene = Scene { jumps, metric, guide, usage, present: PRESENT, fresh };
         let mut quiet = 0;
         for sweep in 0..sweeps {

@@ -54,6 +54,26 @@ def better(figure, a, b):
     return a > b if figure == "evenness" else a < b
 
 
+def geometric_mean(values):
+    values = list(values)
+    return math.exp(sum(math.log(max(v, 0.01)) for v in values) / len(values))
+
+
+def medians(figures):
+    """The median over the seeds of each figure."""
+    return {f: statistics.median(r[f] for r in figures) for f in FIGURES}
+
+
+def versus(rows, others):
+    """Prints how these figures compare with those of another run, over the exemplars of both."""
+    names = [n for n in rows if n in others]
+    for f in FIGURES:
+        pairs = [(medians(rows[n])[f], medians(others[n])[f]) for n in names]
+        ratio = geometric_mean(max(a, 0.01) / max(b, 0.01) for a, b in pairs)
+        wins = sum(better(f, a, b) for a, b in pairs)
+        print(f"{f}: {ratio:.3f} of the other run's, better on {wins} of {len(names)}")
+
+
 def table(anchors, rows):
     """Prints the comparison and returns the broken promises."""
     head = f"{'exemplar':22}" + "".join(f"{f:>16}{'peer':>8}" for f in FIGURES)
@@ -62,7 +82,7 @@ def table(anchors, rows):
     for name, figures in rows.items():
         line = f"{name:22}"
         for f in FIGURES:
-            kiln = statistics.median(r[f] for r in figures)
+            kiln = medians(figures)[f]
             peers = [p[f] for p in anchors[name].values()]
             peer = max(peers) if f == "evenness" else min(peers)
             ratios[f].append((kiln, peer))
@@ -72,7 +92,7 @@ def table(anchors, rows):
     count = len(rows)
     for f in ["swd", "coherence_p95"]:
         wins = sum(better(f, a, b) for a, b in ratios[f])
-        mean = math.exp(sum(math.log(max(a, 0.01) / b) for a, b in ratios[f]) / count)
+        mean = geometric_mean(max(a, 0.01) / b for a, b in ratios[f])
         print(f"{f}: better on {wins} of {count}, geometric mean of the ratios {mean:.3f}")
         if wins < LEAST_WINS * count / 16 or mean > LARGEST_RATIO:
             broken.append(f)
@@ -90,6 +110,8 @@ def main():
     parser.add_argument("--keep", help="folder that keeps the pictures")
     parser.add_argument("--measure", action="store_true", help="measure the pictures in the folder, make none")
     parser.add_argument("--seeds", default="1", help="comma-separated; the median over them is judged")
+    parser.add_argument("--all", action="store_true", help="all textures of up to 512 pixels, also those without peers' figures")
+    parser.add_argument("--versus", help="figures of another run (--json) to compare with")
     parser.add_argument("--only", help="measure exemplars whose names contain this")
     parser.add_argument("--json", help="write all figures to this file")
     parser.add_argument("flags", nargs="*", help="passed to kiln synth")
@@ -98,7 +120,9 @@ def main():
         print("skipped: the shared data are not beside the project")
         return 0
     anchors = json.loads((SHARED / "data/anchors.json").read_text())
-    names = [n for n in anchors if not args.only or args.only in n]
+    textures = SHARED / "data/textures"
+    small = [p.name for p in sorted(textures.glob("*.*")) if "1024" not in p.name]
+    names = [n for n in (small if args.all else anchors) if not args.only or args.only in n]
     with tempfile.TemporaryDirectory() as scratch, ProcessPoolExecutor(2) as pool:
         folder = Path(args.keep or scratch)
         folder.mkdir(parents=True, exist_ok=True)
@@ -109,7 +133,12 @@ def main():
             rows[name].append(figures)
     if args.json:
         Path(args.json).write_text(json.dumps(rows, indent=1))
-    broken = table(anchors, rows)
+    if args.versus:
+        versus(rows, json.loads(Path(args.versus).read_text()))
+    if args.all:
+        for f in FIGURES:
+            print(f"{f}: geometric mean {geometric_mean(medians(r)[f] for r in rows.values()):.4g}")
+    broken = table(anchors, {n: r for n, r in rows.items() if n in anchors})
     print(f"not reached: {', '.join(broken)}" if broken else "all promises kept")
     return 1 if broken else 0
 
