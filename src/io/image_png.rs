@@ -62,6 +62,42 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Pixels, ImageError
     Ok(pixels.upright(orientation))
 }
 
+/// Reads a PNG of 16 bits RGB row by row: `f(y, row)` until it returns false. Returns width and height.
+pub(super) fn rows_rgb16(
+    bytes: &[u8],
+    limits: &Limits,
+    mut f: impl FnMut(u32, &[[u16; 3]]) -> bool,
+) -> Result<[u32; 2], ImageError> {
+    let mut options = png::DecodeOptions::default();
+    options.set_ignore_adler32(false);
+    let mut decoder = png::Decoder::new_with_options(Cursor::new(bytes), options);
+    decoder.set_limits(png::Limits { bytes: 1 << 26 });
+    decoder.set_ignore_text_chunk(true);
+    decoder.set_ignore_iccp_chunk(true);
+    let header = decoder.read_header_info().map_err(broken)?;
+    let (size, depth, color) = ([header.width, header.height], header.bit_depth, header.color_type);
+    if (depth, color, header.interlaced) != (BitDepth::Sixteen, ColorType::Rgb, false) {
+        let interlaced = if header.interlaced { ", interlaced" } else { "" };
+        let reason = format!("it has {} bits and is {color:?}{interlaced}", depth as u8);
+        return Err(ImageError::Unsupported { format: Format::Png, reason });
+    }
+    limits.check(size[0].into(), size[1].into(), 3, SampleType::U16)?;
+    let mut reader = decoder.read_info().map_err(broken)?;
+    let mut row = Vec::with_capacity(size[0] as usize);
+    for y in 0..size[1] {
+        let early = || broken(std::io::Error::from(std::io::ErrorKind::UnexpectedEof).into());
+        let data = reader.next_row().map_err(broken)?.ok_or_else(early)?;
+        row.clear();
+        let sample = |b: &[u8]| u16::from_be_bytes([b[0], b[1]]);
+        row.extend(data.data().chunks_exact(6).map(|b| [sample(b), sample(&b[2..]), sample(&b[4..])]));
+        if !f(y, &row) {
+            return Ok(size);
+        }
+    }
+    reader.finish().map_err(broken)?;
+    Ok(size)
+}
+
 fn broken(error: DecodingError) -> ImageError {
     let reason = match error {
         DecodingError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => "the file ends early".into(),

@@ -12,6 +12,7 @@ pub mod image_set;
 mod obj;
 pub mod scene;
 mod scene_error;
+pub mod source_file;
 
 pub use image_pixels::{Pixels, SampleType, Samples};
 pub use scene_error::SceneError;
