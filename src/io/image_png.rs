@@ -4,9 +4,11 @@
 //! file never passes. Colour chunks (gAMA, cHRM, iCCP) are not applied: the map's kind says what its samples mean.
 
 use super::image_file::{Format, ImageError, Limits};
+use super::image_strips::{Shape, StripError, Strips};
 use super::{Pixels, SampleType, Samples};
 use png::{BitDepth, ColorType, DecodingError, EncodingError};
-use std::io::Cursor;
+use std::io::{Cursor, Write};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// How hard to try.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -124,9 +126,27 @@ pub fn encode_png(pixels: &Pixels, compression: Compression, transfer: Transfer)
         Samples::F32(_) => return Err(refuse("it holds integers, and these samples are floats".into())),
     };
     let mut out = Vec::with_capacity(data.len() / 2);
-    let mut encoder = png::Encoder::new(&mut out, pixels.width, pixels.height);
+    let encoder = encoder(&mut out, [pixels.width, pixels.height], pixels.channels, depth, compression, transfer);
+    let write = |encoder: png::Encoder<_>| -> Result<(), EncodingError> {
+        let mut writer = encoder.write_header()?;
+        writer.write_image_data(data)?;
+        writer.finish()
+    };
+    write(encoder).map_err(|e| refuse(e.to_string()))?;
+    Ok(out)
+}
+
+fn encoder<W: Write>(
+    to: W,
+    [width, height]: [u32; 2],
+    channels: u32,
+    depth: BitDepth,
+    compression: Compression,
+    transfer: Transfer,
+) -> png::Encoder<'static, W> {
+    let mut encoder = png::Encoder::new(to, width, height);
     encoder.set_depth(depth);
-    encoder.set_color(match pixels.channels {
+    encoder.set_color(match channels {
         1 => ColorType::Grayscale,
         2 => ColorType::GrayscaleAlpha,
         3 => ColorType::Rgb,
@@ -139,14 +159,69 @@ pub fn encode_png(pixels: &Pixels, compression: Compression, transfer: Transfer)
     if transfer == Transfer::Srgb {
         encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
     }
-    let write = |encoder: png::Encoder<_>| -> Result<(), EncodingError> {
-        let mut writer = encoder.write_header()?;
-        writer.write_image_data(data)?;
-        writer.finish()
-    };
-    write(encoder).map_err(|e| refuse(e.to_string()))?;
-    Ok(out)
+    encoder
 }
+
+/// Bytes that the encoder gave and nobody has taken yet. The encoder's writer panics where a write fails, so it writes here,
+/// where none does.
+#[derive(Clone, Default)]
+struct Pending(Arc<Mutex<Vec<u8>>>);
+
+impl Pending {
+    fn take(&self) -> Vec<u8> {
+        std::mem::take(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+impl Write for Pending {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Encodes an image strip by strip; the same samples always give the same bytes, however they are cut into strips.
+pub(super) fn write_png(
+    to: &mut (impl Write + Send + ?Sized),
+    shape: &Shape,
+    compression: Compression,
+    transfer: Transfer,
+    strips: &Strips<'_>,
+) -> Result<(), StripError> {
+    let refuse = |e: EncodingError| ImageError::Encode { format: Format::Png, reason: e.to_string() };
+    let depth = match shape.depth {
+        SampleType::U8 => BitDepth::Eight,
+        SampleType::U16 => BitDepth::Sixteen,
+        SampleType::F32 => {
+            let reason = "it holds integers, and these samples are floats".into();
+            return Err(ImageError::Encode { format: Format::Png, reason }.into());
+        }
+    };
+    let pending = Pending::default();
+    let size = [shape.width, shape.height];
+    let encoder = encoder(pending.clone(), size, shape.channels, depth, compression, transfer);
+    let writer = encoder.write_header().map_err(refuse)?;
+    let mut writer = writer.into_stream_writer_with_size(IDAT_BYTES).map_err(refuse)?;
+    shape.each_strip(1, strips, |strip| {
+        match &strip.samples {
+            Samples::U8(v) => writer.write_all(v)?,
+            Samples::U16(v) => v.chunks(1 << 16).try_for_each(|part| {
+                writer.write_all(&part.iter().flat_map(|s| s.to_be_bytes()).collect::<Vec<u8>>())
+            })?,
+            Samples::F32(_) => {}
+        }
+        Ok(to.write_all(&pending.take())?)
+    })?;
+    writer.finish().map_err(refuse)?;
+    Ok(to.write_all(&pending.take())?)
+}
+
+/// Longest chunk of image data.
+const IDAT_BYTES: usize = 1 << 20;
 
 #[cfg(test)]
 mod tests {

@@ -9,6 +9,7 @@ mod image_pixels;
 mod image_png;
 pub mod image_quantise;
 pub mod image_set;
+pub mod image_strips;
 mod obj;
 pub mod scene;
 mod scene_error;
