@@ -3,7 +3,7 @@
 //! In: the command line. Out: checked values; a mistake ends with exit code 2 and a sentence, by clap.
 //! Unaware of: what the verbs do.
 
-use crate::recipe::{Blend, CanvasOrder, Word, limits};
+use crate::recipe::{Blend, BlendSize, CanvasDebug, CanvasOrder, Word, limits};
 use clap::builder::{PossibleValuesParser, TypedValueParser, ValueParser};
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum, ValueHint};
 use std::num::NonZeroUsize;
@@ -128,7 +128,8 @@ Examples:
     #[command(after_help = "\
 Examples:
   kiln synth moss.png -o large-moss.png --size 1024x1024
-  kiln synth bricks.png -o wall.exr --size 2048x512 --seed 7 --neighbourhoods 13,9,5 --blend none")]
+  kiln synth bricks.png -o wall.exr --size 2048x512 --seed 7 --neighbourhoods 13,9,5 --blend none
+  kiln synth moss.png -o part.png --size 16384x16384 --tileable --region 8000,0,512,512 --debug patches=patches.png")]
     Synth(Synth),
     /// Write a commented recipe to start from
     #[command(after_help = "\
@@ -221,6 +222,12 @@ pub struct Synth {
     /// Width and height in texels
     #[arg(long, value_name = "WxH", value_parser = size)]
     pub size: Size,
+    /// Make only this window of it: first column and row, width and height
+    #[arg(long, value_name = "X,Y,W,H", value_parser = region)]
+    pub region: Option<Region>,
+    /// The output wraps in both directions
+    #[arg(long)]
+    pub tileable: bool,
     /// Another seed gives another texture of the same kind [default: 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(limits::SEED))]
     pub seed: Option<u64>,
@@ -236,6 +243,13 @@ pub struct Synth {
     /// How patches meet: linear or none [default: linear]
     #[arg(long, value_parser = word::<Blend>())]
     pub blend: Option<Blend>,
+    /// Side in texels of the kernel that blends patches: 3 or 5 [default: 3]
+    #[arg(long, value_name = "N", value_parser = PossibleValuesParser::new(["3", "5"]).map(|n| if n == "5" { BlendSize::Five } else { BlendSize::Three }))]
+    pub blend_kernel: Option<BlendSize>,
+    /// Write a picture of how it came about, such as patches=FILE.png: patches (place in the sample as a colour), sources
+    /// (that place as numbers of 16 bits) or jumps (where patches begin). May be repeated
+    #[arg(long, value_name = "WHAT=FILE.png", value_parser = debug_picture)]
+    pub debug: Vec<DebugPicture>,
     /// Correction passes; 0 is the published method [default: 2]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(i64::from(*limits::REFINE.start())..=i64::from(*limits::REFINE.end())))]
     pub refine: Option<u32>,
@@ -248,6 +262,28 @@ pub struct Size {
     pub width: u32,
     /// Rows.
     pub height: u32,
+}
+
+/// A window of the output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Region {
+    /// First column.
+    pub x: u32,
+    /// First row.
+    pub y: u32,
+    /// Columns, at least 1.
+    pub width: u32,
+    /// Rows, at least 1.
+    pub height: u32,
+}
+
+/// A picture of how an output came about, and its file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DebugPicture {
+    /// What it shows.
+    pub what: CanvasDebug,
+    /// A .png.
+    pub file: PathBuf,
 }
 
 /// Sides of neighbourhoods in texels, odd, finest level first; at least one.
@@ -347,12 +383,27 @@ fn size(text: &str) -> Result<Size, String> {
     let form = || "expected WIDTHxHEIGHT, such as 1024x512".to_string();
     let (width, height) = text.split_once(['x', 'X']).ok_or_else(form)?;
     let side = |text: &str| within(text.parse::<u32>().map_err(|_| form())?, limits::CANVAS_SIDE);
-    let (width, height) = (side(width)?, side(height)?);
-    let area = u64::from(width) * u64::from(height);
-    if area > limits::CANVAS_AREA {
-        return Err(format!("{area} texels; expected at most {}", limits::CANVAS_AREA));
+    Ok(Size { width: side(width)?, height: side(height)? })
+}
+
+fn region(text: &str) -> Result<Region, String> {
+    let form = || "expected X,Y,WIDTH,HEIGHT, such as 0,512,256,256".to_string();
+    let numbers = text.split(',').map(|n| n.trim().parse().map_err(|_| form())).collect::<Result<Vec<u32>, _>>()?;
+    match numbers[..] {
+        [x, y, width, height] if width > 0 && height > 0 => Ok(Region { x, y, width, height }),
+        _ => Err(form()),
     }
-    Ok(Size { width, height })
+}
+
+fn debug_picture(text: &str) -> Result<DebugPicture, String> {
+    let form = || {
+        let names: Vec<&str> = CanvasDebug::ALL.iter().map(|word| word.name()).collect();
+        format!("expected one of {}, then = and a .png file, such as patches=patches.png", names.join(", "))
+    };
+    let (what, file) = text.split_once('=').ok_or_else(form)?;
+    let (what, file) = (CanvasDebug::from_name(what).ok_or_else(form)?, PathBuf::from(file));
+    let is_png = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
+    if is_png { Ok(DebugPicture { what, file }) } else { Err(form()) }
 }
 
 fn patch(text: &str) -> Result<f64, String> {
@@ -453,12 +504,34 @@ mod tests {
             ("640", "expected WIDTHxHEIGHT"),
             ("640x", "expected WIDTHxHEIGHT"),
             ("-1x5", "expected WIDTHxHEIGHT"),
-            ("0x5", "expected 1 to 65536"),
-            ("65537x5", "expected 1 to 65536"),
-            ("65536x65536", "4294967296 texels; expected at most 268435456"),
+            ("0x5", "expected 1 to 16384"),
+            ("16385x5", "expected 1 to 16384"),
             ("99999999999x1", "expected WIDTHxHEIGHT"),
         ] {
             assert!(synth(&format!("--size={size}")).is_err_and(|e| e.contains(said)), "{size}");
+        }
+    }
+
+    #[test]
+    fn regions_and_pictures_are_read_whole_or_not_at_all() {
+        let s = synth(
+            "--size 90x90 --tileable --region 1,2,30,4 --blend-kernel 5 --debug jumps=j.PNG --debug patches=p.png",
+        );
+        let s = s.unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(s.region, Some(Region { x: 1, y: 2, width: 30, height: 4 }));
+        assert_eq!((s.tileable, s.blend_kernel), (true, Some(BlendSize::Five)));
+        let what: Vec<_> = s.debug.iter().map(|d| (d.what, d.file.to_str())).collect();
+        assert_eq!(what, [(CanvasDebug::Jumps, Some("j.PNG")), (CanvasDebug::Patches, Some("p.png"))]);
+        for (flag, said) in [
+            ("--region 1,2,3", "expected X,Y,WIDTH,HEIGHT"),
+            ("--region 1,2,0,3", "expected X,Y,WIDTH,HEIGHT"),
+            ("--region 1,2,-5,3", "expected X,Y,WIDTH,HEIGHT"),
+            ("--debug patches", "such as patches=patches.png"),
+            ("--debug patch=a.png", "patches, sources, jumps"),
+            ("--debug sources=a.exr", "a .png file"),
+            ("--blend-kernel 4", "3, 5"),
+        ] {
+            assert!(synth(&format!("--size 8x8 {flag}")).is_err_and(|e| e.contains(said)), "{flag}: {:?}", synth(flag));
         }
     }
 

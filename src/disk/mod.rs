@@ -9,7 +9,7 @@ mod real;
 pub use memory::{Memory, Op};
 pub use real::{Real, TEMPORARY_PREFIX};
 
-use std::io;
+use std::io::{self, Cursor, Seek, Write};
 use std::path::{Path, PathBuf};
 
 /// What tells, without reading it, whether a file may have changed.
@@ -22,6 +22,11 @@ pub struct Stamp {
     /// Inode or file index; 0 where there is none.
     pub inode: u64,
 }
+
+/// A file that is being written: what is written first may be corrected later.
+pub trait Sink: Write + Seek + Send {}
+
+impl<T: Write + Seek + Send> Sink for T {}
 
 /// Held while work goes on that two processes must not do at once; dropping it lets the next one in.
 pub trait Lock: Send {}
@@ -41,6 +46,12 @@ pub trait Disk: Send + Sync {
     /// As [`Disk::write`], and on the medium when it returns: for what nobody checks later, such as outputs.
     fn write_synced(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
         self.write(path, bytes)
+    }
+    /// As [`Disk::write`], for what is too large to be held: `fill` writes it piece by piece. If that fails, nothing appears.
+    fn write_with(&self, path: &Path, fill: &mut dyn FnMut(&mut dyn Sink) -> io::Result<()>) -> io::Result<()> {
+        let mut whole = Cursor::new(Vec::new());
+        fill(&mut whole)?;
+        self.write(path, &whole.into_inner())
     }
     /// Removes a file; no error if it is not there.
     fn remove(&self, path: &Path) -> io::Result<()>;
@@ -72,6 +83,22 @@ mod tests {
         disk.write_synced(&at("a/b"), b"54321").unwrap();
         assert_eq!(disk.read(&at("a/b"), 5).unwrap(), b"54321");
         assert_ne!(disk.stamp(&at("a/b")).unwrap().unwrap(), old, "a replaced file has another stamp");
+
+        let pieces = &mut |sink: &mut dyn Sink| {
+            sink.write_all(b"?????ces")?;
+            sink.seek(std::io::SeekFrom::Start(0))?;
+            sink.write_all(b"in pie")
+        };
+        disk.write_with(&at("a/b"), pieces).unwrap();
+        assert_eq!(disk.read(&at("a/b"), 8).unwrap(), b"in piees");
+        let fails = &mut |sink: &mut dyn Sink| {
+            sink.write_all(b"half")?;
+            Err(ErrorKind::InvalidData.into())
+        };
+        assert_eq!(disk.write_with(&at("a/b"), fails).unwrap_err().kind(), ErrorKind::InvalidData);
+        assert!(disk.write_with(&at("a/half"), fails).is_err());
+        assert_eq!(disk.read(&at("a/b"), 8).unwrap(), b"in piees");
+        assert_eq!(disk.list(&at("a")).unwrap(), [at("a/b")]);
 
         // Folders are not files, and files are not folders.
         assert_eq!(disk.read(&at("a"), 9).unwrap_err().kind(), ErrorKind::IsADirectory);

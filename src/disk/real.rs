@@ -1,8 +1,8 @@
 //! The file system itself.
 
-use super::{Disk, Lock, Stamp};
+use super::{Disk, Lock, Sink, Stamp};
 use std::fs;
-use std::io::{self, ErrorKind, Read, Write};
+use std::io::{self, BufWriter, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
 /// How the names of unfinished files begin. A killed run may leave one behind; whoever trims a folder may remove it.
@@ -43,11 +43,19 @@ impl Disk for Real {
     }
 
     fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
-        write_whole(path, bytes, Sync::No)
+        write_whole(path, Sync::No, |file| file.write_all(bytes))
     }
 
     fn write_synced(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
-        write_whole(path, bytes, Sync::Yes)
+        write_whole(path, Sync::Yes, |file| file.write_all(bytes))
+    }
+
+    fn write_with(&self, path: &Path, fill: &mut dyn FnMut(&mut dyn Sink) -> io::Result<()>) -> io::Result<()> {
+        write_whole(path, Sync::No, |file| {
+            let mut buffered = BufWriter::with_capacity(1 << 16, file);
+            fill(&mut buffered)?;
+            buffered.flush()
+        })
     }
 
     fn remove(&self, path: &Path) -> io::Result<()> {
@@ -104,7 +112,11 @@ enum Sync {
 }
 
 /// A temporary file in the same folder, renamed over the target; dropped, hence removed, on any failure before that.
-fn write_whole(path: &Path, bytes: &[u8], sync: Sync) -> io::Result<()> {
+fn write_whole(
+    path: &Path,
+    sync: Sync,
+    fill: impl FnOnce(&mut tempfile::NamedTempFile) -> io::Result<()>,
+) -> io::Result<()> {
     let folder = folder_of(path).unwrap_or(Path::new("."));
     fs::create_dir_all(folder)?;
     let mut builder = tempfile::Builder::new();
@@ -116,7 +128,7 @@ fn write_whole(path: &Path, bytes: &[u8], sync: Sync) -> io::Result<()> {
         builder.permissions(fs::Permissions::from_mode(0o666));
     }
     let mut file = builder.tempfile_in(folder).map_err(plain)?;
-    file.write_all(bytes).map_err(plain)?;
+    fill(&mut file).map_err(plain)?;
     if sync == Sync::Yes {
         file.as_file().sync_all()?;
     }

@@ -5,6 +5,7 @@
 //! parallel writer starts a thread per core whatever the caller's `-j` says.
 
 use super::image_file::{Format, ImageError, Limits};
+use super::image_strips::{Shape, StripError, Strips};
 use super::{Pixels, SampleType, Samples};
 use crate::numerics::par;
 use exr::block::writer::ChunksWriter;
@@ -14,7 +15,8 @@ use exr::meta::attribute::{ChannelDescription, LineOrder, SampleType as ExrType,
 use exr::meta::header::Header;
 use exr::meta::{BlockDescription, MetaData};
 use exr::prelude::{Compression, ReadChannels, ReadLayers, Vec2};
-use std::io::Cursor;
+use std::io::{Cursor, Seek, Write};
+use std::ops::Range;
 
 /// Rows per ZIP16 block.
 const BLOCK_ROWS: usize = 16;
@@ -105,15 +107,32 @@ pub fn encode_exr(pixels: &Pixels) -> Result<Vec<u8>, ImageError> {
         let Pixels { width, height, channels, .. } = pixels;
         return Err(refuse(format!("{} samples for {width}x{height} with {channels} channels", samples.len())));
     }
+    let shape = Shape { width: pixels.width, height: pixels.height, channels: pixels.channels, depth: SampleType::F32 };
+    let row = pixels.width as usize * pixels.channels as usize;
+    let strips = |rows: Range<u32>| {
+        let samples = Samples::F32(samples[rows.start as usize * row..rows.end as usize * row].to_vec());
+        Ok(Pixels { height: rows.len() as u32, samples, ..*pixels })
+    };
+    let mut out = Cursor::new(Vec::new());
+    write_exr(&mut out, &shape, &strips).map_err(|e| refuse(e.to_string()))?;
+    Ok(out.into_inner())
+}
+
+/// Encodes an image strip by strip.
+pub(super) fn write_exr(
+    to: &mut (impl Write + Seek + Send + ?Sized),
+    shape: &Shape,
+    strips: &Strips<'_>,
+) -> Result<(), StripError> {
     // The file wants channels sorted by name: each with its place in a texel.
-    let named: &[(&str, usize)] = match pixels.channels {
+    let named: &[(&str, usize)] = match shape.channels {
         1 => &[("Y", 0)],
         2 => &[("A", 1), ("Y", 0)],
         3 => &[("B", 2), ("G", 1), ("R", 0)],
         _ => &[("A", 3), ("B", 2), ("G", 1), ("R", 0)],
     };
     let describe = |(name, _): &(&str, usize)| ChannelDescription::named(*name, ExrType::F32);
-    let size = Vec2(pixels.width as usize, pixels.height as usize);
+    let size = Vec2(shape.width as usize, shape.height as usize);
     let mut header = Header::new(Text::from("kiln"), size, named.iter().map(describe).collect()).with_encoding(
         Compression::ZIP16,
         BlockDescription::ScanLines,
@@ -122,40 +141,55 @@ pub fn encode_exr(pixels: &Pixels) -> Result<Vec<u8>, ImageError> {
     // A name is for files of several layers.
     header.own_attributes.layer_name = None;
 
-    let mut out = Cursor::new(Vec::new());
-    let write = exr::block::write(&mut out, [header].into_iter().collect(), true, |meta, writer| {
-        let blocks = size.1.div_ceil(BLOCK_ROWS);
-        for first in (0..blocks).step_by(BATCH) {
-            let count = BATCH.min(blocks - first);
-            let chunks = par::map_chunks(count, 1, |i| {
-                pack(samples, pixels.channels as usize, named, size, first + i.start).compress_to_chunk(&meta.headers)
-            });
-            for (i, chunk) in chunks.into_iter().enumerate() {
-                writer.write_chunk(first + i, chunk?)?;
+    // The crate passes on errors of its own only.
+    let mut fault = None;
+    let mut done = 0;
+    let written = exr::block::write(to, [header].into_iter().collect(), true, |meta, writer| {
+        let append = |strip: Pixels| -> Result<(), StripError> {
+            let blocks = (strip.height as usize).div_ceil(BLOCK_ROWS);
+            for first in (0..blocks).step_by(BATCH) {
+                let chunks = par::map_chunks(BATCH.min(blocks - first), 1, |i| {
+                    pack(&strip, named, done * BLOCK_ROWS, first + i.start).compress_to_chunk(&meta.headers)
+                });
+                for (i, chunk) in chunks.into_iter().enumerate() {
+                    writer.write_chunk(done + first + i, chunk.map_err(unwritten)?).map_err(unwritten)?;
+                }
             }
+            done += blocks;
+            Ok(())
+        };
+        fault = shape.each_strip(BLOCK_ROWS as u32, strips, append).err();
+        match &fault {
+            None => Ok(()),
+            Some(_) => Err(exr::error::Error::Aborted),
         }
-        Ok(())
     });
-    write.map_err(|e| refuse(e.to_string()))?;
-    Ok(out.into_inner())
+    match (fault, written) {
+        (Some(fault), _) => Err(fault),
+        (None, written) => written.map_err(unwritten),
+    }
 }
 
-/// Block `index` as the file wants it: line by line, in each line channel by channel.
-fn pack(
-    samples: &[f32],
-    channels: usize,
-    named: &[(&str, usize)],
-    Vec2(width, height): Vec2<usize>,
-    index: usize,
-) -> UncompressedBlock {
-    let rows = index * BLOCK_ROWS..((index + 1) * BLOCK_ROWS).min(height);
+fn unwritten(error: exr::error::Error) -> StripError {
+    match error {
+        exr::error::Error::Io(e) => StripError::Write(e),
+        other => ImageError::Encode { format: Format::Exr, reason: other.to_string() }.into(),
+    }
+}
+
+/// Block `index` of a strip that begins at row `above` of the image, as the file wants it: line by line, in each line channel
+/// by channel.
+fn pack(strip: &Pixels, named: &[(&str, usize)], above: usize, index: usize) -> UncompressedBlock {
+    let (width, channels) = (strip.width as usize, strip.channels as usize);
+    let rows = index * BLOCK_ROWS..((index + 1) * BLOCK_ROWS).min(strip.height as usize);
+    let samples: &[f32] = if let Samples::F32(v) = &strip.samples { v } else { &[] };
     let mut data = Vec::with_capacity(rows.len() * width * channels * 4);
     for row in samples.chunks_exact(width * channels).take(rows.end).skip(rows.start) {
         for (_, place) in named {
             data.extend(row.iter().skip(*place).step_by(channels).flat_map(|s| s.to_ne_bytes()));
         }
     }
-    let (pixel_position, pixel_size) = (Vec2(0, rows.start), Vec2(width, rows.len()));
+    let (pixel_position, pixel_size) = (Vec2(0, above + rows.start), Vec2(width, rows.len()));
     UncompressedBlock { index: BlockIndex { layer: 0, pixel_position, pixel_size, level: Vec2(0, 0) }, data }
 }
 

@@ -4,9 +4,11 @@
 //! file never passes. Colour chunks (gAMA, cHRM, iCCP) are not applied: the map's kind says what its samples mean.
 
 use super::image_file::{Format, ImageError, Limits};
+use super::image_strips::{Shape, StripError, Strips};
 use super::{Pixels, SampleType, Samples};
 use png::{BitDepth, ColorType, DecodingError, EncodingError};
-use std::io::Cursor;
+use std::io::{Cursor, Write};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// How hard to try.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,6 +64,42 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Pixels, ImageError
     Ok(pixels.upright(orientation))
 }
 
+/// Reads a PNG of 16 bits RGB row by row: `f(y, row)` until it returns false. Returns width and height.
+pub(super) fn rows_rgb16(
+    bytes: &[u8],
+    limits: &Limits,
+    mut f: impl FnMut(u32, &[[u16; 3]]) -> bool,
+) -> Result<[u32; 2], ImageError> {
+    let mut options = png::DecodeOptions::default();
+    options.set_ignore_adler32(false);
+    let mut decoder = png::Decoder::new_with_options(Cursor::new(bytes), options);
+    decoder.set_limits(png::Limits { bytes: 1 << 26 });
+    decoder.set_ignore_text_chunk(true);
+    decoder.set_ignore_iccp_chunk(true);
+    let header = decoder.read_header_info().map_err(broken)?;
+    let (size, depth, color) = ([header.width, header.height], header.bit_depth, header.color_type);
+    if (depth, color, header.interlaced) != (BitDepth::Sixteen, ColorType::Rgb, false) {
+        let interlaced = if header.interlaced { ", interlaced" } else { "" };
+        let reason = format!("it has {} bits and is {color:?}{interlaced}", depth as u8);
+        return Err(ImageError::Unsupported { format: Format::Png, reason });
+    }
+    limits.check(size[0].into(), size[1].into(), 3, SampleType::U16)?;
+    let mut reader = decoder.read_info().map_err(broken)?;
+    let mut row = Vec::with_capacity(size[0] as usize);
+    for y in 0..size[1] {
+        let early = || broken(std::io::Error::from(std::io::ErrorKind::UnexpectedEof).into());
+        let data = reader.next_row().map_err(broken)?.ok_or_else(early)?;
+        row.clear();
+        let sample = |b: &[u8]| u16::from_be_bytes([b[0], b[1]]);
+        row.extend(data.data().chunks_exact(6).map(|b| [sample(b), sample(&b[2..]), sample(&b[4..])]));
+        if !f(y, &row) {
+            return Ok(size);
+        }
+    }
+    reader.finish().map_err(broken)?;
+    Ok(size)
+}
+
 fn broken(error: DecodingError) -> ImageError {
     let reason = match error {
         DecodingError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => "the file ends early".into(),
@@ -88,9 +126,27 @@ pub fn encode_png(pixels: &Pixels, compression: Compression, transfer: Transfer)
         Samples::F32(_) => return Err(refuse("it holds integers, and these samples are floats".into())),
     };
     let mut out = Vec::with_capacity(data.len() / 2);
-    let mut encoder = png::Encoder::new(&mut out, pixels.width, pixels.height);
+    let encoder = encoder(&mut out, [pixels.width, pixels.height], pixels.channels, depth, compression, transfer);
+    let write = |encoder: png::Encoder<_>| -> Result<(), EncodingError> {
+        let mut writer = encoder.write_header()?;
+        writer.write_image_data(data)?;
+        writer.finish()
+    };
+    write(encoder).map_err(|e| refuse(e.to_string()))?;
+    Ok(out)
+}
+
+fn encoder<W: Write>(
+    to: W,
+    [width, height]: [u32; 2],
+    channels: u32,
+    depth: BitDepth,
+    compression: Compression,
+    transfer: Transfer,
+) -> png::Encoder<'static, W> {
+    let mut encoder = png::Encoder::new(to, width, height);
     encoder.set_depth(depth);
-    encoder.set_color(match pixels.channels {
+    encoder.set_color(match channels {
         1 => ColorType::Grayscale,
         2 => ColorType::GrayscaleAlpha,
         3 => ColorType::Rgb,
@@ -103,14 +159,69 @@ pub fn encode_png(pixels: &Pixels, compression: Compression, transfer: Transfer)
     if transfer == Transfer::Srgb {
         encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
     }
-    let write = |encoder: png::Encoder<_>| -> Result<(), EncodingError> {
-        let mut writer = encoder.write_header()?;
-        writer.write_image_data(data)?;
-        writer.finish()
-    };
-    write(encoder).map_err(|e| refuse(e.to_string()))?;
-    Ok(out)
+    encoder
 }
+
+/// Bytes that the encoder gave and nobody has taken yet. The encoder's writer panics where a write fails, so it writes here,
+/// where none does.
+#[derive(Clone, Default)]
+struct Pending(Arc<Mutex<Vec<u8>>>);
+
+impl Pending {
+    fn take(&self) -> Vec<u8> {
+        std::mem::take(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+impl Write for Pending {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Encodes an image strip by strip; the same samples always give the same bytes, however they are cut into strips.
+pub(super) fn write_png(
+    to: &mut (impl Write + Send + ?Sized),
+    shape: &Shape,
+    compression: Compression,
+    transfer: Transfer,
+    strips: &Strips<'_>,
+) -> Result<(), StripError> {
+    let refuse = |e: EncodingError| ImageError::Encode { format: Format::Png, reason: e.to_string() };
+    let depth = match shape.depth {
+        SampleType::U8 => BitDepth::Eight,
+        SampleType::U16 => BitDepth::Sixteen,
+        SampleType::F32 => {
+            let reason = "it holds integers, and these samples are floats".into();
+            return Err(ImageError::Encode { format: Format::Png, reason }.into());
+        }
+    };
+    let pending = Pending::default();
+    let size = [shape.width, shape.height];
+    let encoder = encoder(pending.clone(), size, shape.channels, depth, compression, transfer);
+    let writer = encoder.write_header().map_err(refuse)?;
+    let mut writer = writer.into_stream_writer_with_size(IDAT_BYTES).map_err(refuse)?;
+    shape.each_strip(1, strips, |strip| {
+        match &strip.samples {
+            Samples::U8(v) => writer.write_all(v)?,
+            Samples::U16(v) => v.chunks(1 << 16).try_for_each(|part| {
+                writer.write_all(&part.iter().flat_map(|s| s.to_be_bytes()).collect::<Vec<u8>>())
+            })?,
+            Samples::F32(_) => {}
+        }
+        Ok(to.write_all(&pending.take())?)
+    })?;
+    writer.finish().map_err(refuse)?;
+    Ok(to.write_all(&pending.take())?)
+}
+
+/// Longest chunk of image data.
+const IDAT_BYTES: usize = 1 << 20;
 
 #[cfg(test)]
 mod tests {

@@ -9,9 +9,11 @@ mod image_pixels;
 mod image_png;
 pub mod image_quantise;
 pub mod image_set;
+pub mod image_strips;
 mod obj;
 pub mod scene;
 mod scene_error;
+pub mod source_file;
 
 pub use image_pixels::{Pixels, SampleType, Samples};
 pub use scene_error::SceneError;

@@ -28,6 +28,11 @@ pub fn map_chunks<T: Send>(n: usize, chunk: usize, f: impl Fn(std::ops::Range<us
     (0..n.div_ceil(chunk)).into_par_iter().map(|c| f(c * chunk..((c + 1) * chunk).min(n))).collect()
 }
 
+/// Both results; the two may run at the same time.
+pub fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
+    rayon::join(a, b)
+}
+
 /// Calls `f(index, row)` for every `row_len` items of `data`, in parallel.
 pub fn for_rows<T: Send>(data: &mut [T], row_len: usize, f: impl Fn(usize, &mut [T]) + Sync) {
     data.par_chunks_mut(row_len.max(1)).enumerate().for_each(|(i, row)| f(i, row));

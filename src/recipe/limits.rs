@@ -6,10 +6,8 @@ use std::ops::RangeInclusive;
 
 /// Largest recipe or `kiln.toml`, in bytes.
 pub const FILE_BYTES: u64 = 1 << 20;
-/// Sides of a canvas, in texels.
-pub const CANVAS_SIDE: RangeInclusive<u32> = 1..=65536;
-/// Largest canvas, in texels.
-pub const CANVAS_AREA: u64 = 1 << 28;
+/// Sides of a canvas, in texels: where GPUs end.
+pub const CANVAS_SIDE: RangeInclusive<u32> = 1..=16384;
 /// Side of an atlas, in texels.
 pub const ATLAS_SIDE: RangeInclusive<u32> = 16..=16384;
 /// Gutter around charts, in texels.
@@ -18,6 +16,8 @@ pub const GUTTER: RangeInclusive<u32> = 0..=256;
 pub const KEEP_UV: RangeInclusive<u32> = 0..=7;
 /// Side of a golden view, in pixels.
 pub const RENDER_SIDE: RangeInclusive<u32> = 16..=8192;
+/// Pixels of all views of one golden render.
+pub const RENDER_PIXELS: u64 = 1 << 28;
 /// Golden views of one recipe.
 pub const RENDERS: usize = 64;
 /// Views of one turntable.

@@ -7,8 +7,8 @@
 
 use super::limits;
 use super::words::{
-    Blend, CanvasOrder, Compression, ImageFormat, MapFile, Method, NormalY, Shading, SingularityKind, TextonFeatures,
-    Unwrap, WalkOrder,
+    Blend, CanvasDebug, CanvasOrder, Compression, ImageFormat, MapFile, Method, NormalY, Shading, SingularityKind,
+    TextonFeatures, Unwrap, WalkOrder,
 };
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
@@ -121,6 +121,9 @@ pub struct Canvas {
     pub tileable: bool,
     /// In which order texels are synthesised.
     pub order: CanvasOrder,
+    /// Side of the kernel, in texels, by which patches are blended where `blend` of `[synthesis]` is "linear".
+    #[schemars(extend("enum" = [3, 5]))]
+    pub blend_kernel: u32,
     /// Maps to write. Default: what the exemplar has.
     #[schemars(transform = filled)]
     pub maps: Option<Vec<MapFile>>,
@@ -128,6 +131,9 @@ pub struct Canvas {
     pub format: Formats,
     /// How hard PNG files are squeezed.
     pub compression: Compression,
+    /// Pictures of how it came about, written beside the maps: "patches" colours each texel by its place in the exemplar,
+    /// "sources" has that place as numbers of 16 bits, "jumps" shows where patches begin.
+    pub debug: Vec<CanvasDebug>,
 }
 
 impl Default for Canvas {
@@ -136,9 +142,11 @@ impl Default for Canvas {
             size: None,
             tileable: false,
             order: CanvasOrder::Hilbert,
+            blend_kernel: 3,
             maps: None,
             format: Formats::default(),
             compression: Compression::Fast,
+            debug: Vec::new(),
         }
     }
 }

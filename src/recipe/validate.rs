@@ -336,14 +336,12 @@ fn direction(key: &str, up: Option<[f64; 3]>, context: &mut Context) -> Vec3 {
 }
 
 fn canvas_of(from: schema::Canvas, exemplar: &Exemplar, context: &mut Context) -> Canvas {
-    let schema::Canvas { size, tileable, order, maps, format, compression } = from;
+    let schema::Canvas { size, tileable, order, blend_kernel, maps, format, compression, debug } = from;
     let [width, height] = size.unwrap_or([1, 1]);
-    let area = u64::from(width) * u64::from(height);
-    if area > limits::CANVAS_AREA {
-        let fault = context.fault("canvas.size", format!("a canvas of {width} x {height} has {area} texels"));
-        context.findings.push(fault.found(area.to_string()).allowed(format!("at most {} texels", limits::CANVAS_AREA)));
-    }
-    Canvas { width, height, tileable, order, maps: outputs_of("canvas", maps, format, exemplar, context), compression }
+    let blend_kernel = if blend_kernel == 5 { BlendSize::Five } else { BlendSize::Three };
+    refuse_twice("canvas.debug", &debug.iter().map(|picture| picture.name()).collect::<Vec<_>>(), context);
+    let maps = outputs_of("canvas", maps, format, exemplar, context);
+    Canvas { width, height, tileable, order, blend_kernel, maps, compression, debug }
 }
 
 fn atlas_of(from: schema::Atlas, exemplar: &Exemplar, context: &mut Context) -> Atlas {
@@ -474,9 +472,9 @@ fn renders_of(from: Vec<schema::Render>, context: &mut Context) -> Vec<Render> {
             View::Turntable(n) => u64::from(n) * u64::from(size) * u64::from(size),
             View::Camera { .. } => u64::from(size) * u64::from(size),
         };
-        if pixels > limits::CANVAS_AREA {
+        if pixels > limits::RENDER_PIXELS {
             let fault = context.fault(&format!("{key}.size"), format!("`{key}` has {pixels} pixels in all its views"));
-            let allowed = format!("at most {} pixels", limits::CANVAS_AREA);
+            let allowed = format!("at most {} pixels", limits::RENDER_PIXELS);
             context.findings.push(fault.found(pixels.to_string()).allowed(allowed));
         }
         let base = match view {

@@ -5,7 +5,8 @@
 //! Unaware of: TOML, what the files hold.
 
 use super::words::{
-    Blend, CanvasOrder, Compression, ImageFormat, MapFile, NormalY, Shading, SingularityKind, Unwrap, WalkOrder,
+    Blend, CanvasDebug, CanvasOrder, Compression, ImageFormat, MapFile, NormalY, Shading, SingularityKind, Unwrap,
+    WalkOrder,
 };
 use crate::numerics::vec::Vec3;
 use crate::texture::MapKind;
@@ -114,10 +115,23 @@ pub struct Canvas {
     pub tileable: bool,
     /// In which order texels are synthesised.
     pub order: CanvasOrder,
+    /// Kernel by which patches are blended, if they are.
+    pub blend_kernel: BlendSize,
     /// The maps to write, at least one.
     pub maps: Vec<MapOutput>,
     /// How hard PNG files are squeezed.
     pub compression: Compression,
+    /// Pictures of how it came about, each once.
+    pub debug: Vec<CanvasDebug>,
+}
+
+/// Side of a kernel by which patches are blended (\[ZG02\] section 3.1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BlendSize {
+    /// 3 x 3 texels.
+    Three,
+    /// 5 x 5 texels.
+    Five,
 }
 
 /// A map to write.

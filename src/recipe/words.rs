@@ -49,6 +49,16 @@ words! {
         Hilbert = "hilbert",
     }
 
+    /// A picture that shows how a canvas came about.
+    CanvasDebug {
+        /// Where in the exemplar each pixel was copied from, as a colour (\[ZG02\] figure 3).
+        Patches = "patches",
+        /// The same as numbers: 16 bits, red the column and green the row in the exemplar.
+        Sources = "sources",
+        /// White where a patch begins, grey along its border.
+        Jumps = "jumps",
+    }
+
     /// In which order the vertices of a mesh are walked (\[ZG03\] section 4.1).
     WalkOrder {
         /// Nearest to the start first.

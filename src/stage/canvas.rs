@@ -1,18 +1,21 @@
-//! Steps of a canvas recipe: walk the pixels of a flat image, then copy the maps along the walk (\[ZG02\] section 3).
+//! Steps of a canvas recipe: walk the pixels of a flat image, then paint its maps along the walk (\[ZG02\] section 3).
 
 use std::collections::BTreeMap;
+use std::io::Cursor;
 
 use crate::build::{Inputs, Step, StepError, Visitor};
 use crate::exemplar::{AnalysisParams, JumpMap};
 use crate::io::artefact::{Artefact, Damaged, Reader, Writer};
+use crate::io::image_strips::Container;
 use crate::synth::image_canvas::{ImageCanvas, ImageTask};
-use crate::synth::image_copy::{BlendKernel, copy};
+use crate::synth::image_copy::BlendKernel;
 use crate::synth::image_walk::ImageWalkParams;
 use crate::synth::seam_metric::SeamMetrics;
-use crate::synth::source_map::{ImageCounters, Rect, SourceMap};
+use crate::synth::source_map::{ImageCounters, Rect};
+use crate::synth::source_strips::SourceStrips;
 use crate::texture::{MapKind, MapSet};
 
-use super::rasterise::{ImageSpec, images};
+use super::painting::{Painting, Picture};
 
 /// Reads the jump map and the maps.
 pub(super) struct WalkImage {
@@ -24,31 +27,38 @@ pub(super) struct WalkImage {
     pub importance: BTreeMap<MapKind, f64>,
 }
 
-impl Artefact for SourceMap {
-    const TAG: [u8; 4] = *b"srcs";
+impl Artefact for SourceStrips {
+    const TAG: [u8; 4] = *b"src2";
 
     fn write(&self, to: &mut Writer) {
-        to.put([self.width, self.height, self.exemplar_size[0], self.exemplar_size[1], u32::from(self.tileable)]);
+        let Rect { x, y, width, height } = self.part;
+        to.put([self.size, self.exemplar_size, [x, y], [width, height]]);
+        to.put(u32::from(self.tileable));
         let ImageCounters { seeds, jumps, forced_jumps, dead_ends, unshifted_jumps, random_fallbacks } = self.counters;
         to.put([seeds, jumps, forced_jumps, dead_ends, unshifted_jumps, random_fallbacks]);
-        to.slice(&self.sources);
+        to.put(self.strips.len() as u32);
+        for strip in &self.strips {
+            to.slice(strip);
+        }
     }
 
     fn read(from: &mut Reader<'_>) -> Result<Self, Damaged> {
-        let [width, height, ew, eh, tileable] = from.get::<[u32; 5]>()?;
+        let [size, exemplar_size, [x, y], [width, height]] = from.get::<[[u32; 2]; 4]>()?;
+        let part = Rect { x, y, width, height };
+        let tileable = from.get::<u32>()? != 0;
         let [seeds, jumps, forced_jumps, dead_ends, unshifted_jumps, random_fallbacks] = from.get()?;
         let counters = ImageCounters { seeds, jumps, forced_jumps, dead_ends, unshifted_jumps, random_fallbacks };
-        let sources: Vec<[u16; 2]> = from.slice()?;
-        let inside = sources.iter().all(|s| u32::from(s[0]) < ew && u32::from(s[1]) < eh);
-        if !inside || sources.len() as u64 != u64::from(width) * u64::from(height) {
-            return Err(Damaged("a source map that does not fit its size".into()));
+        let count = from.get::<u32>()?;
+        let strips = (0..count).map(|_| from.slice()).collect::<Result<_, Damaged>>()?;
+        if part.is_empty() || !part.fits(size) || size.iter().any(|s| *s > 1 << 16) {
+            return Err(Damaged("sources of a part that does not fit its size".into()));
         }
-        Ok(SourceMap { width, height, exemplar_size: [ew, eh], sources, tileable: tileable != 0, counters })
+        Ok(SourceStrips { size, exemplar_size, tileable, part, counters, strips })
     }
 }
 
 impl Step for WalkImage {
-    super::step_identity!("walk image", 2);
+    super::step_identity!("walk image", 3);
 
     fn describe(&self, v: &mut dyn Visitor) {
         let ImageWalkParams { size, order, patch, seed, tileable } = &self.params;
@@ -74,47 +84,65 @@ impl Step for WalkImage {
             guide: None,
             given: None,
         };
-        Ok(ImageCanvas::new(task)?.window(Rect::whole(self.params.size)).to_bytes())
+        let sources = SourceStrips::synthesise(&mut ImageCanvas::new(task)?, Rect::whole(self.params.size));
+        Ok(sources.to_bytes())
     }
 }
 
-/// Reads the source map and the maps.
-pub(super) struct CopyImage {
+/// Reads the sources and the maps; gives a file.
+pub(super) struct PaintImage {
     pub recipe: String,
-    pub images: Vec<ImageSpec>,
+    /// What the picture is called.
+    pub image: String,
+    pub picture: Picture,
     pub kernel: BlendKernel,
+    pub container: Container,
 }
 
-impl Step for CopyImage {
-    super::step_identity!("copy image", 1);
+impl Step for PaintImage {
+    fn name(&self) -> String {
+        format!("{}/paint {}", self.recipe, self.image)
+    }
+
+    fn kind(&self) -> &'static str {
+        "paint image"
+    }
+
+    fn revision(&self) -> u32 {
+        1
+    }
 
     fn describe(&self, v: &mut dyn Visitor) {
-        v.param("images", &self.images);
+        v.param("picture", &self.picture);
         v.param("kernel", &self.kernel);
+        v.param("container", &self.container);
     }
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
-        let sources: SourceMap = super::read(inputs, 0)?;
+        let sources: SourceStrips = super::read(inputs, 0)?;
         let maps: MapSet = super::read(inputs, 1)?;
-        let bundle = images(&self.images, &maps, false, |kind, map| {
-            let mut out = copy(map, &sources, self.kernel);
-            if kind == MapKind::Normal {
-                renormalise(out.data_mut());
-            }
-            Ok(out)
-        })?;
-        Ok(bundle.to_bytes())
+        let mut file = Cursor::new(Vec::new());
+        Painting { sources: &sources, maps: &maps, picture: self.picture, kernel: self.kernel }
+            .write(&mut file, self.container)?;
+        Ok(file.into_inner())
     }
 }
 
-/// Makes vectors of three unit length; one without a direction points straight out.
-fn renormalise(data: &mut [f32]) {
-    for n in data.chunks_exact_mut(3) {
-        let l = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
-        if l > 1e-6 {
-            n.iter_mut().for_each(|v| *v /= l);
-        } else {
-            n.copy_from_slice(&[0.0, 0.0, 1.0]);
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synth::source_map::SourceMap;
+
+    #[test]
+    fn sources_survive_the_round_trip() {
+        let sources = (0..300u16).map(|i| [i % 7, i % 5]).collect();
+        let counters = ImageCounters { jumps: 1 << 40, ..ImageCounters::default() };
+        let map = SourceMap { width: 3, height: 100, exemplar_size: [7, 5], sources, tileable: true, counters };
+        let strips = SourceStrips::of(&map);
+        let bytes = strips.to_bytes();
+        assert_eq!(SourceStrips::from_bytes(&bytes), Ok(strips));
+        for cut in 0..bytes.len() {
+            assert!(SourceStrips::from_bytes(&bytes[..cut]).is_err(), "cut at {cut}");
         }
     }
 }

@@ -1,16 +1,10 @@
 //! Step: encode one image of a bundle as a file.
 
 use crate::build::{Inputs, Step, StepError, Visitor};
-use crate::io::image_file::{Compression, Transfer, encode_exr, encode_png};
+use crate::io::image_file::{encode_exr, encode_png};
+use crate::io::image_strips::Container;
 
 use super::rasterise::Bundle;
-
-/// The container of an image file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Container {
-    Png { transfer: Transfer, compression: Compression },
-    Exr,
-}
 
 /// Reads a bundle of images and writes the one called `image`.
 pub(super) struct Encode {

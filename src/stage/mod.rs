@@ -21,6 +21,7 @@ mod encode;
 mod field;
 mod glb;
 mod maps;
+pub mod painting;
 pub mod plan;
 mod prepare;
 mod rasterise;

@@ -13,6 +13,7 @@ use crate::field::{OrientationConstraint, ScalarConstraint, SingularityConstrain
 use crate::io::SampleType;
 use crate::io::image_file::{Compression, Transfer};
 use crate::io::image_set::{NormalY, Options, Slot};
+use crate::io::image_strips::Container;
 use crate::io::scene::external_files;
 use crate::recipe::{self, Canvas, ImageFormat, MapFile, MapOutput, MeshBake, Recipe, Target, Word};
 use crate::synth::image_copy::BlendKernel;
@@ -23,15 +24,16 @@ use crate::texture::{MapKind, Wrap};
 use crate::uvset::Blend;
 
 use super::analyse::Analyse;
-use super::canvas::{CopyImage, WalkImage};
-use super::encode::{Container, Encode};
+use super::canvas::{PaintImage, WalkImage};
+use super::encode::Encode;
 use super::field::LayField;
 use super::glb::{AtlasGlb, UvSetsGlb};
 use super::maps::Maps;
+use super::painting::Picture;
 use super::prepare::{Prepare, Scale};
 use super::rasterise::{ImageSpec, Rasterise};
 use super::render::RenderView;
-use super::report::Report;
+use super::report::{CanvasReport, Report};
 use super::surface::{ReadSurface, SceneFiles};
 use super::synthesise::{Order, Synthesise};
 use super::unwrap::{Layout, Unwrap};
@@ -158,7 +160,7 @@ impl Planner<'_> {
     fn canvas(&mut self, canvas: &Canvas, files: Vec<PathBuf>) {
         let maps = self.maps(files);
         let analyse = self.analyse(maps);
-        let Canvas { width, height, tileable, order, maps: files, compression } = canvas;
+        let Canvas { width, height, tileable, order, blend_kernel, maps: files, compression, debug } = canvas;
         let order = match order {
             recipe::CanvasOrder::Scanline => ImageOrder::Scanline,
             recipe::CanvasOrder::Serpentine => ImageOrder::Serpentine,
@@ -169,13 +171,27 @@ impl Planner<'_> {
         let params = ImageWalkParams { size: [*width, *height], order, patch, seed, tileable: *tileable };
         let walk = WalkImage { recipe: self.name(), params, refine, importance };
         let walk = self.step(walk, &[analyse.into(), maps.into()]);
-        let kernel = match blend {
-            recipe::Blend::None => BlendKernel::None,
-            recipe::Blend::Linear | recipe::Blend::Variance => BlendKernel::Three,
+        let kernel = match (blend, blend_kernel) {
+            (recipe::Blend::None, _) => BlendKernel::None,
+            (_, recipe::BlendSize::Three) => BlendKernel::Three,
+            (_, recipe::BlendSize::Five) => BlendKernel::Five,
         };
-        let copy = CopyImage { recipe: self.name(), images: files.iter().map(image_spec).collect(), kernel };
-        let copy = self.step(copy, &[walk.into(), maps.into()]);
-        self.encode(files, *compression, copy);
+        let mut paint = |image: &str, picture: Picture, (container, ext): (Container, &str)| {
+            let paint = PaintImage { recipe: self.name(), image: image.to_string(), picture, kernel, container };
+            let file = format!("{}.{image}.{ext}", self.recipe.name);
+            let step = self.step(paint, &[walk.into(), maps.into()]);
+            self.output(step, &file);
+        };
+        for file in files {
+            let ImageSpec { file: map, depth } = image_spec(file);
+            paint(map.name(), Picture::Map(map, depth), container(file, *compression));
+        }
+        for picture in debug {
+            let png = Container::Png { transfer: Transfer::Unstated, compression: squeeze(*compression) };
+            paint(picture.name(), Picture::Debug(*picture), (png, "png"));
+        }
+        let report = self.step(CanvasReport { recipe: self.name() }, &[analyse.into(), walk.into()]);
+        self.output(report, "report.json");
     }
 
     /// Encodes the files of a bundle as outputs `<name>.<map>.<ext>`.
@@ -294,11 +310,14 @@ fn container(output: &MapOutput, compression: recipe::Compression) -> (Container
     }
     let srgb = output.map.kinds()[0].is_srgb();
     let transfer = if srgb { Transfer::Srgb } else { Transfer::Unstated };
-    let compression = match compression {
+    (Container::Png { transfer, compression: squeeze(compression) }, "png")
+}
+
+fn squeeze(compression: recipe::Compression) -> Compression {
+    match compression {
         recipe::Compression::Fast => Compression::Fast,
         recipe::Compression::Best => Compression::Best,
-    };
-    (Container::Png { transfer, compression }, "png")
+    }
 }
 
 fn layout(atlas: &recipe::Atlas) -> (Layout, u32) {

@@ -64,7 +64,7 @@ pub(super) struct ImageSpec {
 }
 
 /// The encoding of a file's channels.
-fn encoding(file: MapFile) -> Encoding {
+pub(super) fn encoding(file: MapFile) -> Encoding {
     match file {
         MapFile::Orm => Encoding::Data,
         other => Encoding::of(other.kinds()[0]),

@@ -99,18 +99,38 @@ impl<'a> ImageCanvas<'a> {
     /// The counters are those of everything synthesised so far.
     pub fn window(&mut self, r: Rect) -> SourceMap {
         assert!(!r.is_empty() && r.fits(self.task.walk.size), "a window of {r:?} in {:?}", self.task.walk.size);
-        self.synthesise(self.needed(r));
         let whole = r == Rect::whole(self.task.walk.size);
+        SourceMap { tileable: whole && self.task.walk.tileable, ..self.stretch([r.x, r.y], [r.width, r.height]) }
+    }
+
+    /// As [`ImageCanvas::window`], from any pixel on; on a canvas that wraps it may go on beyond the borders, so that what is
+    /// around a window at a border can be had ([`Rect::with_apron`]). Panics if it is empty or does not fit.
+    pub fn stretch(&mut self, origin: [u32; 2], size: [u32; 2]) -> SourceMap {
+        let canvas = self.task.walk.size;
+        let fits = |a: usize| origin[a] < canvas[a] && (self.task.walk.tileable || size[a] <= canvas[a] - origin[a]);
+        let r = Rect { x: origin[0], y: origin[1], width: size[0], height: size[1] };
+        assert!(!r.is_empty() && fits(0) && fits(1), "a window of {r:?} in {canvas:?}");
+        self.synthesise(self.needed(origin, size));
         let mut sources = vec![EMPTY; r.len()];
-        self.copy_out([r.x, r.y], [r.width, r.height], &mut sources);
+        self.copy_out(origin, size, &mut sources);
         SourceMap {
             width: r.width,
             height: r.height,
             exemplar_size: [self.task.jumps.width(), self.task.jumps.height()],
             sources,
-            tileable: whole && self.task.walk.tileable,
+            tileable: false,
             counters: self.counters,
         }
+    }
+
+    /// Size of the canvas.
+    pub fn canvas(&self) -> [u32; 2] {
+        self.task.walk.size
+    }
+
+    /// True if the canvas continues at its opposite borders.
+    pub fn is_tileable(&self) -> bool {
+        self.task.walk.tileable
     }
 
     /// Forgets the cells that only rows above `row` depend on; later windows must not begin above it.
@@ -161,11 +181,22 @@ impl<'a> ImageCanvas<'a> {
             .collect()
     }
 
+    /// The columns or rows of cells that a stretch of pixels touches.
+    fn touched(&self, axis: usize, from: u32, len: u32) -> Vec<u32> {
+        let side = self.task.walk.size[axis];
+        let end = from + len;
+        // Where it goes on beyond the border it begins again, perhaps more than once.
+        let (first, last) = (self.cell_at(axis, from), self.cell_at(axis, end.min(side) - 1));
+        let beyond = end.saturating_sub(side).min(side);
+        let again = if beyond > 0 { self.cell_at(axis, beyond - 1) + 1 } else { 0 };
+        (0..again).chain(first.max(again)..=last).collect()
+    }
+
     /// The cells that a rectangle depends on and that are not done, by phase.
-    fn needed(&self, r: Rect) -> [Vec<(u32, u32)>; 4] {
-        let range = |axis: usize, from: u32, len: u32| self.cell_at(axis, from)..=self.cell_at(axis, from + len - 1);
+    fn needed(&self, origin: [u32; 2], size: [u32; 2]) -> [Vec<(u32, u32)>; 4] {
+        let [columns, rows] = [0, 1].map(|a| self.touched(a, origin[a], size[a]));
         let inside: Vec<(u32, u32)> =
-            range(1, r.y, r.height).flat_map(|row| range(0, r.x, r.width).map(move |column| (row, column))).collect();
+            rows.iter().flat_map(|row| columns.iter().map(move |column| (*row, *column))).collect();
         // Later neighbours change what is near their border.
         let mut open: Vec<(u32, u32)> = inside.clone();
         open.extend(inside.iter().flat_map(|cell| self.around(*cell).into_iter().map(|n| n.1)));
@@ -342,6 +373,17 @@ mod tests {
             };
             part(size[0] - 3, size[1] - 5, 3, 5);
             part(size[0] / 2 - 20, size[1] / 2 - 30, 50, 60);
+            if tileable {
+                // A corner with what is around it, from all four corners of the canvas.
+                let around = Rect { x: 0, y: 0, width: 4, height: 3 }.with_apron(2, size, true);
+                let got = ImageCanvas::new(t).unwrap().stretch(around.origin, around.size);
+                for (i, s) in got.sources.iter().enumerate() {
+                    let [x, y] = [i as u32 % 8, i as u32 / 8].map(|v| v as usize);
+                    let [x, y] =
+                        [(x + size[0] as usize - 2) % size[0] as usize, (y + size[1] as usize - 2) % size[1] as usize];
+                    assert!(*s == whole.sources[y * size[0] as usize + x], "{size:?} {x} {y}");
+                }
+            }
             let mut strips = ImageCanvas::new(t).unwrap();
             for y in (0..size[1]).step_by(170) {
                 let r = Rect { x: 0, y, width: size[0], height: 170.min(size[1] - y) };

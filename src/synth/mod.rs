@@ -22,6 +22,7 @@ mod room;
 mod seam;
 pub mod seam_metric;
 pub mod source_map;
+pub mod source_strips;
 pub mod vertex_order;
 pub mod vertex_refine;
 pub mod vertex_walk;

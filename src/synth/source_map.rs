@@ -73,6 +73,36 @@ impl Rect {
     }
 }
 
+/// A rectangle with what is around it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Surroundings {
+    /// Column and row of the canvas that its first pixel is.
+    pub origin: [u32; 2],
+    /// Columns and rows. Where the canvas wraps they may go on beyond its borders.
+    pub size: [u32; 2],
+    /// The rectangle, seen from the origin.
+    pub part: Rect,
+}
+
+impl Rect {
+    /// The rectangle with `apron` more pixels on each side: up to the borders of a canvas of that size, or from the other
+    /// side of one that wraps.
+    pub fn with_apron(&self, apron: u32, canvas: [u32; 2], wraps: bool) -> Surroundings {
+        let axis = |from: u32, len: u32, side: u32| {
+            if wraps {
+                let before = (from + side - apron % side) % side;
+                return (before, len + 2 * apron, apron);
+            }
+            let before = apron.min(from);
+            (from - before, before + len + apron.min(side - from - len), before)
+        };
+        let (x, width, left) = axis(self.x, self.width, canvas[0]);
+        let (y, height, above) = axis(self.y, self.height, canvas[1]);
+        let part = Rect { x: left, y: above, width: self.width, height: self.height };
+        Surroundings { origin: [x, y], size: [width, height], part }
+    }
+}
+
 /// The source texel of every pixel of an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SourceMap {
@@ -101,5 +131,23 @@ impl SourceMap {
         });
         let SourceMap { exemplar_size, counters, .. } = *self;
         SourceMap { width: r.width, height: r.height, exemplar_size, sources, tileable: false, counters }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_apron_ends_at_borders_or_reaches_across_them() {
+        let r = Rect { x: 1, y: 6, width: 4, height: 3 };
+        let cut = r.with_apron(2, [10, 10], false);
+        let part = Rect { x: 1, y: 2, width: 4, height: 3 };
+        assert_eq!(cut, Surroundings { origin: [0, 4], size: [7, 6], part });
+        let wrapped = r.with_apron(2, [10, 10], true);
+        let part = Rect { x: 2, y: 2, width: 4, height: 3 };
+        assert_eq!(wrapped, Surroundings { origin: [9, 4], size: [8, 7], part });
+        let around = Rect::whole([1, 1]).with_apron(2, [1, 1], true);
+        assert_eq!((around.origin, around.size), ([0, 0], [5, 5]));
     }
 }
