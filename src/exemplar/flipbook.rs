@@ -14,9 +14,9 @@ use super::params::{MAX_DIMENSIONS, MAX_MEMORY, MAX_SIDE, MAX_TEXELS};
 use super::pyramid::{BLOCK, Pyramid, border_index};
 use super::{AnalysisParams, Error, JumpVolume, VolumeJump};
 use crate::numerics::knn::{self, Effort, Lists, Neighbours, Points, RANGE};
+use crate::numerics::par;
 use crate::numerics::pca::{self, Pca};
 use crate::numerics::rng::Key;
-use crate::numerics::par;
 use crate::texture::{Flipbook, Wrap};
 use wide::f32x8;
 

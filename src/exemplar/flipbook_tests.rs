@@ -57,7 +57,11 @@ fn what_drifts_is_found_along_its_drift() {
     for at in texels(map.size()).filter(inside) {
         let best = map.row(at)[0].to();
         let moved = i32::from(best[2]) - i32::from(at[2]);
-        assert_eq!([i32::from(best[0]), i32::from(best[1])], [i32::from(at[0]) + 3 * moved, i32::from(at[1])], "{at:?}");
+        assert_eq!(
+            [i32::from(best[0]), i32::from(best[1])],
+            [i32::from(at[0]) + 3 * moved, i32::from(at[1])],
+            "{at:?}"
+        );
         assert!(moved != 0);
     }
 }

@@ -86,7 +86,10 @@ mod tests {
         let jumps = vec![VolumeJump::new([1, 0, 2], 0.25), VolumeJump::new([0, 0, 0], 0.0)];
         let counts = [0, 1, 0, 0, 0, 1];
         let map = JumpVolume::new([2, 1, 3], &counts, jumps.clone()).unwrap();
-        assert_eq!((map.row([1, 0, 0]), map.row([1, 0, 2]), map.row([0, 0, 1])), (&jumps[..1], &jumps[1..], &jumps[..0]));
+        assert_eq!(
+            (map.row([1, 0, 0]), map.row([1, 0, 2]), map.row([0, 0, 1])),
+            (&jumps[..1], &jumps[1..], &jumps[..0])
+        );
         assert_eq!((jumps[0].p(), jumps[1].p()), (0.25, 1.0 / 65536.0));
         assert_eq!(map.parts(), (counts.to_vec(), &jumps[..]));
         assert_eq!(JumpVolume::new([2, 1, 2], &counts[..4], jumps.clone()), None, "a jump out of it");

@@ -120,7 +120,7 @@ pub(super) fn square(a: &[[f32; 4]], b: &[[f32; 4]]) -> f32 {
 }
 
 /// The mean over a square of 2 `reach` + 1 texels, of those that are inside.
-fn box_mean(values: &[f32], [w, h]: [u32; 2], channels: usize, reach: usize) -> Vec<f32> {
+pub(super) fn box_mean(values: &[f32], [w, h]: [u32; 2], channels: usize, reach: usize) -> Vec<f32> {
     if reach == 0 {
         return values.to_vec();
     }
