@@ -10,6 +10,12 @@ pub const FILE_BYTES: u64 = 1 << 20;
 pub const CANVAS_SIDE: RangeInclusive<u32> = 1..=65536;
 /// Largest canvas, in texels.
 pub const CANVAS_AREA: u64 = 1 << 28;
+/// Frames of an output flipbook.
+pub const FRAMES: RangeInclusive<u32> = 1..=4096;
+/// Frames of an exemplar.
+pub const EXEMPLAR_FRAMES: RangeInclusive<usize> = 2..=1024;
+/// Largest output flipbook, in texels of all frames.
+pub const FLIPBOOK_TEXELS: u64 = 1 << 26;
 /// Side of an atlas, in texels.
 pub const ATLAS_SIDE: RangeInclusive<u32> = 16..=16384;
 /// Gutter around charts, in texels.
