@@ -76,6 +76,14 @@ pub fn analyse_flipbook(book: &Flipbook, params: &AnalysisParams) -> Result<Jump
     Ok(map.expect("jumps between the flipbook's own texels"))
 }
 
+/// Fails if a flipbook of this width, height and number of frames could not be analysed: to be asked before memory is
+/// taken for it.
+pub fn check_flipbook_size(size: [u32; 3]) -> Result<(), Error> {
+    let texels = size.iter().fold(1u64, |n, s| n.saturating_mul(u64::from(*s)));
+    let fits = size[2] >= 2 && size.iter().all(|s| *s <= MAX_SIDE) && texels <= MAX_TEXELS;
+    if fits { Ok(()) } else { Err(Error::Flipbook { size, max_texels: MAX_TEXELS }) }
+}
+
 /// The minimum distance of matches in space: as for stills, by the size of a frame.
 fn min_distance([w, h, _]: [u32; 3], params: &AnalysisParams) -> f64 {
     let quarter = f64::from(w.min(h)) / 4.0;
@@ -85,15 +93,12 @@ fn min_distance([w, h, _]: [u32; 3], params: &AnalysisParams) -> f64 {
 
 fn check(book: &Flipbook, params: &AnalysisParams) -> Result<(), Error> {
     params.check_numbers()?;
-    let size @ [w, h, frames] = book.size();
+    let size @ [w, h, _] = book.size();
     let min = params.neighbourhoods[0];
     if w.min(h) < min {
         return Err(Error::TooSmall { size: (w, h), min });
     }
-    let texels: u64 = size.iter().map(|s| u64::from(*s)).product();
-    if frames < 2 || size.iter().any(|s| *s > MAX_SIDE) || texels > MAX_TEXELS {
-        return Err(Error::Flipbook { size, max_texels: MAX_TEXELS });
-    }
+    check_flipbook_size(size)?;
     let (distance, max) = (min_distance(size, params), f64::from(w.max(h)));
     if !(1.0..=max).contains(&distance) {
         return Err(Error::MinDistance { found: distance, max });

@@ -19,7 +19,7 @@ mod tests;
 pub use analysis::{AnalysisReport, analyse, recall};
 pub use domain::Domain;
 pub use error::Error;
-pub use flipbook::analyse_flipbook;
+pub use flipbook::{analyse_flipbook, check_flipbook_size};
 pub use jump_map::{FloatJump, Jump, JumpMap};
 pub use jump_volume::{JumpVolume, VolumeJump};
 pub use params::AnalysisParams;

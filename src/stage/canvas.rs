@@ -102,7 +102,7 @@ impl Step for CopyImage {
 }
 
 /// Makes vectors of three unit length; one without a direction points straight out.
-fn renormalise(data: &mut [f32]) {
+pub(super) fn renormalise(data: &mut [f32]) {
     for n in data.chunks_exact_mut(3) {
         let l = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
         if l > 1e-6 {
