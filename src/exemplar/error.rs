@@ -44,6 +44,13 @@ pub enum Error {
         /// Most texels.
         max_texels: u64,
     },
+    /// A flipbook of too few frames, or with too many texels in all of them.
+    Flipbook {
+        /// Texels per row, rows, frames.
+        size: [u32; 3],
+        /// Most texels in all frames.
+        max_texels: u64,
+    },
     /// Number of jumps k out of range.
     Jumps {
         /// The number.
@@ -126,6 +133,11 @@ impl fmt::Display for Error {
             Error::TooLarge { size: (w, h), max_side, max_texels } => write!(
                 f,
                 "the exemplar is {w}x{h} texels, at most {max_side} per side and {max_texels} in all can be analysed"
+            ),
+            Error::Flipbook { size: [w, h, frames], max_texels } => write!(
+                f,
+                "the flipbook has {frames} frames of {w}x{h} texels; it needs 2 frames at least, and at most {max_texels} \
+                 texels in all of them can be analysed"
             ),
             Error::Jumps { found, max } => write!(f, "jumps = {found}, expected 1..={max}"),
             Error::Diversity { found, max } => write!(f, "diversity = {found}, expected 1..={max}"),

@@ -182,7 +182,7 @@ impl Neighbourhoods {
 const GROUP: usize = 4;
 
 /// The planes that are compared: `weight` times the map in the space in which it is measured.
-fn feature_planes(kind: MapKind, map: &Texture, weight: f32) -> Vec<Vec<f32>> {
+pub(crate) fn feature_planes(kind: MapKind, map: &Texture, weight: f32) -> Vec<Vec<f32>> {
     let channels = map.channels() as usize;
     let features = par::map(map.texel_count(), |i| {
         let v = &map.data()[i * channels..(i + 1) * channels];

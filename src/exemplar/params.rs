@@ -12,17 +12,17 @@ const MAX_LEVELS: usize = 8;
 /// Largest side of a neighbourhood.
 const MAX_NEIGHBOURHOOD: u32 = 63;
 /// Most components of a vector: the eigenvalue problem grows with their cube (1035: 2 s).
-const MAX_DIMENSIONS: usize = 2048;
+pub(super) const MAX_DIMENSIONS: usize = 2048;
 const MAX_JUMPS: u32 = 64;
 const MAX_DIVERSITY: u32 = 64;
 const MAX_IMPORTANCE: f64 = 1e6;
 /// Squares of such values, times the importance, summed over a vector, stay finite.
 const MAX_VALUE: f32 = 1e6;
 /// Destinations are 16-bit, and the largest number marks what is no texel.
-const MAX_SIDE: u32 = 65535;
+pub(super) const MAX_SIDE: u32 = 65535;
 /// 4096 x 4096.
-const MAX_TEXELS: u64 = 1 << 24;
-const MAX_MEMORY: u64 = 8 << 30;
+pub(super) const MAX_TEXELS: u64 = 1 << 24;
+pub(super) const MAX_MEMORY: u64 = 8 << 30;
 
 /// How an exemplar is analysed.
 #[derive(Clone, Debug, PartialEq)]
@@ -117,7 +117,7 @@ impl AnalysisParams {
     }
 
     /// Values per texel that are compared.
-    fn channels(&self, maps: &MapSet) -> usize {
+    pub(super) fn channels(&self, maps: &MapSet) -> usize {
         maps.iter().filter(|(k, _)| self.weight(*k) > 0.0).map(|(k, _)| k.channels() as usize).sum()
     }
 
@@ -126,7 +126,7 @@ impl AnalysisParams {
         self.neighbourhoods.iter().map(|n| (n * n) as usize).sum::<usize>() * self.channels(maps)
     }
 
-    fn check_numbers(&self) -> Result<(), Error> {
+    pub(super) fn check_numbers(&self) -> Result<(), Error> {
         let levels = self.neighbourhoods.len();
         if !(1..=MAX_LEVELS).contains(&levels) {
             return Err(Error::Levels { found: levels, max: MAX_LEVELS });
@@ -152,7 +152,7 @@ impl AnalysisParams {
         }
     }
 
-    fn check_maps(&self, maps: &MapSet) -> Result<(), Error> {
+    pub(super) fn check_maps(&self, maps: &MapSet) -> Result<(), Error> {
         if self.channels(maps) == 0 {
             return Err(Error::NothingToCompare { maps: maps.iter().map(|(k, _)| k).collect() });
         }

@@ -8,6 +8,12 @@ use std::ops::RangeInclusive;
 pub const FILE_BYTES: u64 = 1 << 20;
 /// Sides of a canvas, in texels: where GPUs end.
 pub const CANVAS_SIDE: RangeInclusive<u32> = 1..=16384;
+/// Frames of an output flipbook.
+pub const FRAMES: RangeInclusive<u32> = 1..=4096;
+/// Frames of an exemplar.
+pub const EXEMPLAR_FRAMES: RangeInclusive<usize> = 2..=1024;
+/// Largest output flipbook, in texels of all frames.
+pub const FLIPBOOK_TEXELS: u64 = 1 << 26;
 /// Side of an atlas, in texels.
 pub const ATLAS_SIDE: RangeInclusive<u32> = 16..=16384;
 /// Gutter around charts, in texels.

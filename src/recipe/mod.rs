@@ -12,6 +12,7 @@
 //! Unaware of: the file system. Files are named here, never opened.
 
 mod fault;
+mod frame_pattern;
 mod hint;
 mod json_schema;
 pub mod limits;
@@ -25,6 +26,7 @@ mod values;
 mod words;
 
 pub use fault::{Fault, Faults};
+pub use frame_pattern::{FrameError, FramePattern};
 pub use json_schema::json_schema;
 pub use template::{Starter, guess_map, is_feature_mask, template};
 pub use values::*;

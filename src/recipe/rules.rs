@@ -9,7 +9,7 @@ use super::tree::{At, Entry, Node, Table, Value};
 use super::words::{MapFile, Word};
 
 /// Two keys that exclude each other, and why.
-const RIVALS: [(&str, &str, &str); 13] = [
+const RIVALS: [(&str, &str, &str); 16] = [
     ("mesh", "canvas", "a recipe covers a mesh or fills a canvas; make two recipes"),
     ("canvas", "field", "a canvas has no surface for a field to lie on"),
     ("canvas", "atlas", "a canvas needs no unwrap; its `maps`, `format` and `compression` go into [canvas]"),
@@ -20,6 +20,9 @@ const RIVALS: [(&str, &str, &str); 13] = [
     ("atlas.size", "atlas.texels_per_unit", "each follows from the other; keep one"),
     ("atlas.unwrap", "atlas.keep_uv", "the texture coordinates are made or kept; keep one"),
     ("atlas.keep_uv", "atlas.texels_per_unit", "kept texture coordinates have their scale already; give `size`"),
+    ("mesh", "exemplar.frames", "a mesh is covered with a still; a flipbook fills a [canvas]"),
+    ("exemplar.frames", "exemplar.base_color", "`frames` are the base colour of a flipbook; keep one"),
+    ("exemplar.frames", "exemplar.feature_mask", "a flipbook is analysed without a mask; remove it"),
     ("exemplar.orm", "exemplar.roughness", "`orm` holds the roughness in its green channel; keep one"),
     ("exemplar.orm", "exemplar.metallic", "`orm` holds the metalness in its blue channel; keep one"),
     ("exemplar.orm", "exemplar.occlusion", "`orm` holds the occlusion in its red channel; keep one"),
@@ -106,11 +109,11 @@ pub(super) fn check_absence(tree: &Node, findings: &mut Findings) {
     }
     if let Some(exemplar) = tree.entry("exemplar") {
         let names: Vec<&str> = MapFile::ALL.iter().map(|map| map.name()).collect();
-        let is_map = |key: &String| names.contains(&key.as_str());
+        let is_map = |key: &String| names.contains(&key.as_str()) || key == "frames";
         if !exemplar.node.table().is_some_and(|table| table.keys().any(is_map)) {
             let fault = Fault::new(exemplar.key.clone(), "exemplar", "[exemplar] names no map")
                 .hint(format!("name at least one of {}", listing(&names, "`", "and")));
-            let keys: Vec<String> = names.iter().map(|name| format!("exemplar.{name}")).collect();
+            let keys: Vec<String> = names.iter().chain(&["frames"]).map(|name| format!("exemplar.{name}")).collect();
             findings.push_unless_due_to(&keys.iter().map(String::as_str).collect::<Vec<_>>(), fault);
         }
     }

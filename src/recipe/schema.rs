@@ -119,6 +119,12 @@ pub struct Canvas {
     pub size: Option<[u32; 2]>,
     /// The output wraps in both directions.
     pub tileable: bool,
+    /// Frames to make of a flipbook. Default: as many as the exemplar has.
+    #[schemars(transform = within(limits::FRAMES))]
+    pub frames: Option<u32>,
+    /// The first frame of a flipbook follows the last.
+    #[serde(rename = "loop")]
+    pub looped: bool,
     /// In which order texels are synthesised.
     pub order: CanvasOrder,
     /// Side of the kernel, in texels, by which patches are blended where `blend` of `[synthesis]` is "linear".
@@ -141,6 +147,8 @@ impl Default for Canvas {
         Canvas {
             size: None,
             tileable: false,
+            frames: None,
+            looped: false,
             order: CanvasOrder::Hilbert,
             blend_kernel: 3,
             maps: None,
@@ -158,6 +166,10 @@ pub struct Exemplar {
     /// Colour: sRGB, in EXR linear.
     #[schemars(transform = filled)]
     pub base_color: Option<String>,
+    /// The base colour of a flipbook: a pattern of consecutive files counted from 0 or 1, such as "smoke_%04d.png". The
+    /// other maps are patterns, too.
+    #[schemars(transform = filled)]
+    pub frames: Option<String>,
     /// Tangent-space normals.
     #[schemars(transform = filled)]
     pub normal: Option<String>,
@@ -195,6 +207,7 @@ impl Default for Exemplar {
     fn default() -> Self {
         Exemplar {
             base_color: None,
+            frames: None,
             normal: None,
             normal_y: NormalY::Up,
             roughness: None,

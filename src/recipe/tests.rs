@@ -183,6 +183,8 @@ fn a_canvas_is_a_recipe_too() {
             width: 512,
             height: 256,
             tileable: true,
+            frames: None,
+            looped: false,
             order: CanvasOrder::Serpentine,
             blend_kernel: BlendSize::Five,
             maps: vec![
@@ -193,6 +195,70 @@ fn a_canvas_is_a_recipe_too() {
             debug: vec![CanvasDebug::Sources, CanvasDebug::Patches],
         })
     );
+}
+
+#[test]
+fn a_flipbook_is_a_canvas_of_frames() {
+    let text = "[canvas]\nsize = [64, 32]\nframes = 40\nloop = true\n\
+                [exemplar]\nframes = 'a/smoke_%04d.png'\nheight = 'h%d.png'\n";
+    let recipe = read(text).unwrap_or_else(|f| panic!("{}", f.render(false)));
+    let maps: Vec<_> = recipe.exemplar.maps.iter().map(|m| (m.map, m.file.path.to_str(), m.frames.as_ref())).collect();
+    let [smoke, height] = ["smoke_%04d.png", "h%d.png"].map(|name| FramePattern::parse(name).expect("a pattern"));
+    assert_eq!(
+        maps,
+        [
+            (MapFile::BaseColor, Some("recipes/a/smoke_%04d.png"), Some(&smoke)),
+            (MapFile::Height, Some("recipes/h%d.png"), Some(&height)),
+        ]
+    );
+    assert_eq!(recipe.exemplar.importance, [(MapKind::BaseColor, 1.0), (MapKind::Height, 1.0)]);
+    let Target::Canvas(canvas) = recipe.target else { panic!("a mesh") };
+    assert_eq!((canvas.frames, canvas.looped, canvas.maps.len()), (Some(40), true, 2));
+
+    let allowed = "expected one `%d`, or `%04d` for four digits, such as \"smoke_%04d.png\"";
+    for (old, new, expected) in [
+        ("_%04d", "", format!("6:10: the file name of `exemplar.frames` has no frame number: {allowed}")),
+        ("h%d", "h%d%d", format!("7:10: the file name of `exemplar.height` has two frame numbers: {allowed}")),
+        ("a/smoke", "%d/x", "".into()),
+        ("frames = 40", "frames = 0", "3:10: `canvas.frames` can't be 0: expected a whole number from 1 to 4096".into()),
+        (
+            "[64, 32]",
+            "[1024, 2048]",
+            "3:10: a flipbook of 1024 x 2048 has 83886080 texels: expected at most 67108864 texels in all frames".into(),
+        ),
+        (
+            "height",
+            "base_color",
+            "7:1: `exemplar.frames` and `exemplar.base_color` exclude each other; `frames` are the base colour of a \
+             flipbook; keep one"
+                .into(),
+        ),
+        (
+            "height",
+            "feature_mask",
+            "7:1: `exemplar.frames` and `exemplar.feature_mask` exclude each other; a flipbook is analysed without a \
+             mask; remove it"
+                .into(),
+        ),
+        (
+            "[canvas]\nsize = [64, 32]\nframes = 40\nloop = true\n",
+            "[atlas]\n[mesh]\npath = 'm.obj'\n",
+            "5:1: [mesh] and `exemplar.frames` exclude each other; a mesh is covered with a still; a flipbook fills a \
+             [canvas]"
+                .into(),
+        ),
+        (
+            "frames = 'a/smoke_%04d.png'",
+            "base_color = 'c.png'",
+            "3:10: `canvas.frames` is for flipbooks, and the exemplar is a still; name the exemplar's frames: [exemplar] \
+             frames = \"smoke_%04d.png\"\n4:8: `canvas.loop` is for flipbooks, and the exemplar is a still; name the \
+             exemplar's frames: [exemplar] frames = \"smoke_%04d.png\""
+                .into(),
+        ),
+    ] {
+        assert!(text.contains(old), "{old}");
+        assert_eq!(faults(&text.replacen(old, new, 1)).join("\n"), expected, "{new}");
+    }
 }
 
 #[test]

@@ -5,6 +5,7 @@
 //! Out: a [`Recipe`]; it is only valid if no fault was found on the way.
 
 use super::fault::{Fault, Findings, Source, listing, printable};
+use super::frame_pattern::FramePattern;
 use super::limits;
 use super::schema;
 use super::tree::Node;
@@ -147,6 +148,7 @@ fn refuse_twice(key: &str, names: &[impl AsRef<str>], context: &mut Context) {
 fn exemplar_of(from: schema::Exemplar, context: &mut Context) -> Exemplar {
     let schema::Exemplar {
         base_color,
+        frames,
         normal,
         normal_y,
         roughness,
@@ -159,8 +161,9 @@ fn exemplar_of(from: schema::Exemplar, context: &mut Context) -> Exemplar {
         feature_mask,
         importance,
     } = from;
+    let is_flipbook = frames.is_some();
     let named = [
-        (MapFile::BaseColor, base_color),
+        (MapFile::BaseColor, frames.or(base_color)),
         (MapFile::Normal, normal),
         (MapFile::Roughness, roughness),
         (MapFile::Metallic, metallic),
@@ -173,7 +176,10 @@ fn exemplar_of(from: schema::Exemplar, context: &mut Context) -> Exemplar {
     let mut maps = Vec::new();
     for (map, written) in named {
         if let Some(written) = written {
-            maps.push(ExemplarMap { map, file: context.file(&format!("exemplar.{}", map.name()), written) });
+            let key = if is_flipbook && map == MapFile::BaseColor { "frames" } else { map.name() };
+            let file = context.file(&format!("exemplar.{key}"), written);
+            let frames = if is_flipbook { pattern_of(&file, context) } else { None };
+            maps.push(ExemplarMap { map, file, frames });
         }
     }
     let feature_mask = feature_mask.map(|written| context.file("exemplar.feature_mask", written));
@@ -185,6 +191,18 @@ fn exemplar_of(from: schema::Exemplar, context: &mut Context) -> Exemplar {
         None => default_importance(&kinds),
     };
     Exemplar { maps, feature_mask, normal_y, importance }
+}
+
+/// The pattern that the last part of a path must be.
+fn pattern_of(file: &FileRef, context: &mut Context) -> Option<FramePattern> {
+    let name = file.path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+    FramePattern::parse(name)
+        .map_err(|why| {
+            let fault = context.fault(&file.key, format!("the file name of `{}` {why}", file.key));
+            let allowed = "one `%d`, or `%04d` for four digits, such as \"smoke_%04d.png\"";
+            context.findings.push(fault.found(printable(&file.written)).allowed(allowed));
+        })
+        .ok()
 }
 
 /// The maps that say most about what goes where; where there is none of them, all.
@@ -336,12 +354,32 @@ fn direction(key: &str, up: Option<[f64; 3]>, context: &mut Context) -> Vec3 {
 }
 
 fn canvas_of(from: schema::Canvas, exemplar: &Exemplar, context: &mut Context) -> Canvas {
-    let schema::Canvas { size, tileable, order, blend_kernel, maps, format, compression, debug } = from;
+    let schema::Canvas { size, tileable, frames, looped, order, blend_kernel, maps, format, compression, debug } = from;
     let [width, height] = size.unwrap_or([1, 1]);
+    let area = u64::from(width) * u64::from(height);
+    let is_flipbook = exemplar.maps.iter().any(|map| map.file.key == "exemplar.frames");
+    for (key, written) in [("canvas.frames", frames.is_some()), ("canvas.loop", looped)] {
+        if written && !is_flipbook && !exemplar.maps.is_empty() && context.is_own(key) {
+            let hint = "name the exemplar's frames: [exemplar] frames = \"smoke_%04d.png\"".to_string();
+            let fault = context.fault(key, format!("`{key}` is for flipbooks, and the exemplar is a still")).hint(hint);
+            context.findings.push_unless_due_to(&["exemplar.frames"], fault);
+        }
+    }
+    let texels = area.saturating_mul(u64::from(frames.unwrap_or(1)));
+    if is_flipbook && texels > limits::FLIPBOOK_TEXELS {
+        let fault = context.fault("canvas.frames", format!("a flipbook of {width} x {height} has {texels} texels"));
+        let allowed = format!("at most {} texels in all frames", limits::FLIPBOOK_TEXELS);
+        context.findings.push(fault.found(texels.to_string()).allowed(allowed));
+    }
+    for (key, written) in [("canvas.debug", !debug.is_empty()), ("canvas.blend_kernel", blend_kernel == 5)] {
+        if written && is_flipbook {
+            context.findings.push(context.fault(key, format!("`{key}` is for stills, and the exemplar is a flipbook")));
+        }
+    }
     let blend_kernel = if blend_kernel == 5 { BlendSize::Five } else { BlendSize::Three };
     refuse_twice("canvas.debug", &debug.iter().map(|picture| picture.name()).collect::<Vec<_>>(), context);
     let maps = outputs_of("canvas", maps, format, exemplar, context);
-    Canvas { width, height, tileable, order, blend_kernel, maps, compression, debug }
+    Canvas { width, height, tileable, frames, looped, order, blend_kernel, maps, compression, debug }
 }
 
 fn atlas_of(from: schema::Atlas, exemplar: &Exemplar, context: &mut Context) -> Atlas {

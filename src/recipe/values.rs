@@ -4,6 +4,7 @@
 //! done by this version. Lengths in mesh units, angles in radians, directions of unit length.
 //! Unaware of: TOML, what the files hold.
 
+use super::FramePattern;
 use super::words::{
     Blend, CanvasDebug, CanvasOrder, Compression, ImageFormat, MapFile, NormalY, Shading, SingularityKind, Unwrap,
     WalkOrder,
@@ -55,7 +56,7 @@ pub struct FileRef {
 /// Maps of one sample.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exemplar {
-    /// The files of the maps in the order of [`MapFile`], at least one. No map is in two files.
+    /// The files of the maps, or their patterns, in the order of [`MapFile`], at least one. No map is in two files.
     pub maps: Vec<ExemplarMap>,
     /// Black and white: where the features are.
     pub feature_mask: Option<FileRef>,
@@ -70,8 +71,10 @@ pub struct Exemplar {
 pub struct ExemplarMap {
     /// Which.
     pub map: MapFile,
-    /// Its file.
+    /// Its file; of a flipbook, a file whose name is a pattern.
     pub file: FileRef,
+    /// That pattern: all maps of a flipbook have one, those of a still none.
+    pub frames: Option<FramePattern>,
 }
 
 /// The jump map's parameters (\[ZG02\] section 2).
@@ -113,6 +116,10 @@ pub struct Canvas {
     pub height: u32,
     /// The output wraps in both directions.
     pub tileable: bool,
+    /// Frames to make of a flipbook; `None`: as many as the exemplar has.
+    pub frames: Option<u32>,
+    /// The first frame of a flipbook follows the last.
+    pub looped: bool,
     /// In which order texels are synthesised.
     pub order: CanvasOrder,
     /// Kernel by which patches are blended, if they are.

@@ -14,16 +14,7 @@ impl Step for Analyse {
     super::step_identity!("analyse", 1);
 
     fn describe(&self, v: &mut dyn Visitor) {
-        let AnalysisParams { neighbourhoods, jumps, diversity, variance, alpha, min_distance, importance, wrap } =
-            &self.params;
-        v.param("neighbourhoods", neighbourhoods);
-        v.param("jumps", jumps);
-        v.param("diversity", diversity);
-        v.param("variance", variance);
-        v.param("alpha", alpha);
-        v.param("min_distance", min_distance);
-        v.param("importance", importance);
-        v.param("wrap", wrap);
+        describe(&self.params, v);
     }
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
@@ -31,4 +22,17 @@ impl Step for Analyse {
         let (map, _) = analyse(&maps, &self.params)?;
         Ok(map.to_bytes())
     }
+}
+
+/// Visits the parameters of an analysis, of stills and flipbooks alike.
+pub(super) fn describe(params: &AnalysisParams, v: &mut dyn Visitor) {
+    let AnalysisParams { neighbourhoods, jumps, diversity, variance, alpha, min_distance, importance, wrap } = params;
+    v.param("neighbourhoods", neighbourhoods);
+    v.param("jumps", jumps);
+    v.param("diversity", diversity);
+    v.param("variance", variance);
+    v.param("alpha", alpha);
+    v.param("min_distance", min_distance);
+    v.param("importance", importance);
+    v.param("wrap", wrap);
 }

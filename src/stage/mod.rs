@@ -9,6 +9,9 @@
 //!   '----> prepare ---> field ---> synthesise ---> rasterise ---> encode, atlas glb, render
 //!            ^                                        ^
 //! surface ---+--> unwrap -----------------------------'
+//!
+//! canvas:   maps -------> analyse ----------> walk image ------> copy image ------------> encode
+//! flipbook: flipbook ---> analyse flipbook -> walk flipbook ---> copy frame, one each --> encode
 //! ```
 //!
 //! Architecture invariant: a step's result is a function of its inputs' bytes, its parameters and its `REVISION`. Raise
@@ -19,6 +22,7 @@ mod canvas;
 pub mod compare;
 mod encode;
 mod field;
+mod flipbook;
 mod glb;
 mod maps;
 pub mod painting;

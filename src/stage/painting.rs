@@ -109,7 +109,7 @@ impl Painting<'_> {
 }
 
 /// Makes vectors of three unit length; one without a direction points straight out.
-fn renormalise(normals: &mut Texture) {
+pub(super) fn renormalise(normals: &mut Texture) {
     let row = normals.width() as usize * 3;
     par::for_rows(normals.data_mut(), row, |_, row| {
         for n in row.chunks_exact_mut(3) {

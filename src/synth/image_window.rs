@@ -193,7 +193,8 @@ impl Window<'_> {
                 if self.nodes[i].is_none() {
                     continue;
                 }
-                for (k, (j, inside)) in [(i + 1, x + 1 < columns), (i + columns, y + 1 < rows)].into_iter().enumerate() {
+                for (k, (j, inside)) in [(i + 1, x + 1 < columns), (i + columns, y + 1 < rows)].into_iter().enumerate()
+                {
                     if inside && self.nodes[j].is_some() && (self.movable(i) || self.movable(j)) {
                         f(i, j, i * 2 + k);
                     }

@@ -4,6 +4,7 @@
 //! 4): a [`vertex_order`] or a [`rendering_sequence`], the [`vertex_walk`], then [`corner`] turns addresses of vertices into coordinates of corners.
 //! [`image_refine`] and [`vertex_refine`] go beyond the papers: passes, from coarse to fine, in which every neighbour is
 //! known. Without them the result is the published method's.
+//! Flipbooks: the same in space and time, [`volume_walk`], [`volume_refine`], [`volume_copy`].
 //! Unaware of: how the jump map or the offsets were made, what the outputs are used for, files.
 
 mod board;
@@ -26,6 +27,10 @@ pub mod source_strips;
 pub mod vertex_order;
 pub mod vertex_refine;
 pub mod vertex_walk;
+pub mod volume_copy;
+mod volume_field;
+pub mod volume_refine;
+pub mod volume_walk;
 
 #[cfg(test)]
 mod testing;

@@ -1,6 +1,6 @@
 //! Small textures, jump maps and meshes for the tests of this module, by the plainest means.
 
-use crate::exemplar::{Jump, JumpMap};
+use crate::exemplar::{Jump, JumpMap, JumpVolume, VolumeJump};
 use crate::mesh::{Topology, TriMesh};
 use crate::numerics::par;
 use crate::numerics::rng::Key;
@@ -126,4 +126,16 @@ pub fn topologies() -> Vec<(&'static str, Topology)> {
         ("repeated corner", Topology::new(&mesh(3, vec![[0, 0, 1], [0, 1, 2]]))),
         ("grid", Topology::new(&grid(13, 9, 0.0))),
     ]
+}
+
+/// A flipbook's jump map whose texels jump to the given places with equal probability, 1 in all.
+pub fn jump_volume(size: [u16; 3], to: impl Fn([u16; 3]) -> Vec<[u16; 3]>) -> JumpVolume {
+    let [w, h, frames] = size.map(u32::from);
+    let (mut counts, mut jumps) = (vec![], vec![]);
+    for i in 0..w * h * frames {
+        let row = to([(i % w) as u16, (i / w % h) as u16, (i / (w * h)) as u16]);
+        counts.push(row.len() as u8);
+        jumps.extend(row.iter().map(|at| VolumeJump::new(*at, 1.0 / row.len() as f64)));
+    }
+    JumpVolume::new([w, h, frames], &counts, jumps).expect("jumps inside")
 }

@@ -5,8 +5,10 @@
 //! linear; sRGB exists only in `io` and in [`color`].
 
 pub mod color;
+mod flipbook;
 mod map_set;
 
+pub use flipbook::Flipbook;
 pub use map_set::{MapKind, MapSet};
 
 /// A position in a texture in texels, x right and y down, origin at the outer corner of texel (0, 0).

@@ -13,6 +13,7 @@ mod meshes;
 mod noise;
 mod pebbles;
 mod rust;
+mod smoke;
 mod weave;
 
 use std::path::Path;
@@ -27,5 +28,6 @@ fn main() -> std::io::Result<()> {
     masonry::bricks().write(&assets.join("bricks"))?;
     masonry::scales().write(&assets.join("scales"))?;
     ember::ember().write(&assets.join("ember"))?;
+    smoke::write(&assets.join("smoke"))?;
     meshes::write_all(&assets.join("meshes"))
 }

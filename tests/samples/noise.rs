@@ -35,6 +35,23 @@ pub fn fractal(key: Key, x: f64, y: f64, octaves: u32) -> f64 {
     sum / total * 1.4
 }
 
+/// Gradient noise in space and time, about -1..1, features one unit apart.
+pub fn gradient3(key: Key, at: [f64; 3]) -> f64 {
+    let base = at.map(f64::floor);
+    let part: [f64; 3] = std::array::from_fn(|i| at[i] - base[i]);
+    let fade = part.map(|t| t * t * t * (t * (t * 6.0 - 15.0) + 10.0));
+    (0..8).fold(0.0, |sum, corner: u32| {
+        let bit = |i: u32| f64::from(corner >> i & 1);
+        let k = (0..3).fold(key, |k, i| k.with((base[i as usize] + bit(i)) as i64 as u64));
+        let (s, c) = det::sin_cos(k.unit(0) * std::f64::consts::TAU);
+        let z = k.unit(1) * 2.0 - 1.0;
+        let r = (1.0 - z * z).sqrt();
+        let slope = c * r * (part[0] - bit(0)) + s * r * (part[1] - bit(1)) + z * (part[2] - bit(2));
+        let weight = |i: u32| if bit(i) == 1.0 { fade[i as usize] } else { 1.0 - fade[i as usize] };
+        sum + slope * weight(0) * weight(1) * weight(2) * 1.5
+    })
+}
+
 /// Ridged sum: sharp crests at 1, valleys at 0.
 pub fn ridged(key: Key, x: f64, y: f64, octaves: u32) -> f64 {
     let (mut sum, mut size, mut total) = (0.0, 1.0, 0.0);

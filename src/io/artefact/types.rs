@@ -5,7 +5,7 @@ use crate::bake::Atlas;
 use crate::field::Field;
 use crate::io::{Pixels, Samples};
 use crate::mesh::{Part, Surface, SynthesisMesh, TriMesh};
-use crate::texture::{MapKind, MapSet, Texture};
+use crate::texture::{Flipbook, MapKind, MapSet, Texture};
 use crate::uvset::{Blend, UvSets};
 
 fn write_texture(t: &Texture, w: &mut Writer) {
@@ -46,6 +46,21 @@ impl Artefact for MapSet {
         }
         check(!maps.is_empty(), "a set without maps")?;
         Ok(MapSet::new(maps))
+    }
+}
+
+impl Artefact for Flipbook {
+    const TAG: [u8; 4] = *b"flip";
+
+    fn write(&self, w: &mut Writer) {
+        w.put(self.size()[2]);
+        self.strip().write(w);
+    }
+
+    fn read(r: &mut Reader<'_>) -> Result<Self, Damaged> {
+        let frames = r.get()?;
+        let book = Flipbook::from_strip(MapSet::read(r)?, frames);
+        book.ok_or_else(|| Damaged(format!("a strip that is not {frames} frames")))
     }
 }
 
