@@ -7,17 +7,22 @@ mod appearance;
 mod codec;
 mod domain;
 mod error;
+mod fill;
 mod jump_map;
 mod matching;
 mod neighbourhood;
 mod params;
 mod pyramid;
+mod range_coder;
+mod sheet;
 #[cfg(test)]
 mod tests;
 
-pub use analysis::{AnalysisReport, analyse, recall};
-pub use appearance::{Appearance, appearance};
+pub use analysis::{AnalysisReport, analyse, analyse_measured, analyse_sheet};
+pub use appearance::{Appearance, appearance, appearance_sheet};
+pub use codec::JUMP_MAP_MAGIC;
 pub use domain::Domain;
 pub use error::Error;
 pub use jump_map::{FloatJump, Jump, JumpMap};
 pub use params::AnalysisParams;
+pub use sheet::{Area, Sample, Sheet};

@@ -157,6 +157,7 @@ fn exemplar_of(from: schema::Exemplar, context: &mut Context) -> Exemplar {
         orm,
         emissive,
         feature_mask,
+        tileable,
         importance,
     } = from;
     let named = [
@@ -184,7 +185,7 @@ fn exemplar_of(from: schema::Exemplar, context: &mut Context) -> Exemplar {
         Some(weights) => importance_of(weights, &kinds, context),
         None => default_importance(&kinds),
     };
-    Exemplar { maps, feature_mask, normal_y, importance }
+    Exemplar { maps, feature_mask, tileable, normal_y, importance }
 }
 
 /// The maps that say most about what goes where; where there is none of them, all.
