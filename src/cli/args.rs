@@ -137,9 +137,10 @@ Examples:
   kiln init statue.glb moss/ > recipes/statue.toml
   kiln init statue.glb moss/color.png moss/normal.png -o recipes/statue.toml")]
     Init(Init),
-    /// Show what is in a mesh, a picture or a bake
+    /// Show what is in a mesh, an exemplar, an analysis or a bake
     #[command(after_help = "\
 Examples:
+  kiln inspect moss.png
   kiln inspect statue.glb
   kiln inspect out/statue/statue.glb --format json")]
     Inspect(Inspect),
@@ -307,9 +308,12 @@ pub struct Init {
 /// `kiln inspect`.
 #[derive(Clone, Debug, Args)]
 pub struct Inspect {
-    /// A mesh, a picture or a bake
+    /// A mesh, a picture, a jump map from the cache or a bake
     #[arg(value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub file: PathBuf,
+    /// Only what a picture's file says, not what an analysis of it finds
+    #[arg(long)]
+    pub quick: bool,
 }
 
 /// `kiln cache`.

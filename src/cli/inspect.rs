@@ -1,26 +1,44 @@
-//! `kiln inspect`: what is in a mesh or a picture.
+//! `kiln inspect`: what is in a mesh, an exemplar or a jump map.
 
 use std::path::Path;
 
 use serde_json::{Value, json};
 
 use crate::disk::{Disk, Real};
+use crate::exemplar::{AnalysisParams, JUMP_MAP_MAGIC, JumpMap, analyse_measured};
 use crate::io::image_file::{Format as Picture, Limits, decode_pixels};
+use crate::io::image_set::{Options, Slot, load};
 use crate::io::named;
 use crate::io::scene::Document;
 use crate::mesh::{PrepareParams, Topology, check::census, prepare};
+use crate::numerics::par;
+use crate::texture::{MapKind, Wrap};
 
 use super::args::{Format, Global, Inspect};
-use super::{Done, Stop};
+use super::{Done, Stop, jobs};
 
 /// Largest file that is looked into, in bytes.
 const LIMIT: u64 = 1 << 31;
+/// Larger pictures are hardly exemplars; an analysis would take minutes.
+const MOST_TEXELS: u64 = 1 << 22;
+/// Texels at which the recall is measured.
+const RECALL_SAMPLES: usize = 400;
 
 /// Prints facts, one a line or as JSON.
 pub(super) fn run(global: &Global, args: &Inspect) -> Result<Done, Stop> {
     let path = &args.file;
     let bytes = Real.read(path, LIMIT).map_err(|e| Stop::Failed(format!("{}: {e}", path.display())))?;
-    let facts = if Picture::of(&bytes).is_some() { picture(path, &bytes)? } else { scene(path, &bytes)? };
+    let facts = if Picture::of(&bytes).is_some() {
+        let mut facts = picture(path, &bytes)?;
+        if !args.quick {
+            par::install(jobs(global), || analysis(path, &bytes, &mut facts));
+        }
+        facts
+    } else if bytes.starts_with(JUMP_MAP_MAGIC) {
+        jump_map(path, &bytes)?
+    } else {
+        scene(path, &bytes)?
+    };
     Done::ok(match global.format {
         Format::Json => format!("{facts}\n"),
         Format::Text => facts.as_object().into_iter().flatten().map(|(k, v)| line(k, v)).collect(),
@@ -48,6 +66,65 @@ fn picture(path: &Path, bytes: &[u8]) -> Result<Value, Stop> {
         "channels": pixels.channels,
         "samples": pixels.samples.sample_type().name(),
     }))
+}
+
+/// Adds what an analysis as by a recipe without `[analysis]` finds, or why there is none.
+fn analysis(path: &Path, bytes: &[u8], facts: &mut Value) {
+    let texels: u64 = facts["size"].as_array().into_iter().flatten().filter_map(Value::as_u64).product();
+    if texels > MOST_TEXELS {
+        facts["analysis"] = json!(format!("none of more than {MOST_TEXELS} texels"));
+        return;
+    }
+    let params = AnalysisParams::default();
+    let found = load(&[(Slot::Map(MapKind::BaseColor), &path.display().to_string(), bytes)], &Options::default())
+        .map_err(|faults| faults.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))
+        .and_then(|maps| analyse_measured(&maps, &params, RECALL_SAMPLES).map_err(|e| e.to_string()));
+    let (map, report, recall) = match found {
+        Ok(found) => found,
+        Err(why) => {
+            facts["analysis"] = json!(why);
+            return;
+        }
+    };
+    facts["neighbourhoods"] = json!(params.neighbourhoods);
+    facts["dimensions"] = json!(report.dimensions);
+    facts["dimensions kept"] = json!(report.kept_dimensions);
+    facts["variance kept"] = rounded(report.kept_variance);
+    facts["least jump"] = json!(report.min_distance);
+    facts["mean distance"] = rounded(report.mean_distance);
+    facts["largest distance"] = rounded(report.max_distance);
+    facts["recall"] = rounded(recall);
+    jumps(&map, map.to_bytes().len(), facts);
+}
+
+fn jump_map(path: &Path, bytes: &[u8]) -> Result<Value, Stop> {
+    let map = JumpMap::from_bytes(bytes).map_err(|e| Stop::Failed(format!("{}: {e}", path.display())))?;
+    let domain = map.domain();
+    let mut facts = json!({
+        "file": path.display().to_string(),
+        "kind": "jump map",
+        "size": [map.width(), map.height()],
+        "texels to copy from": domain.len(),
+        "tileable": domain.wrap() == Wrap::Repeat,
+    });
+    jumps(&map, bytes.len(), &mut facts);
+    Ok(facts)
+}
+
+/// Adds the facts of a jump map. Texels are those that may be copied.
+fn jumps(map: &JumpMap, bytes: usize, facts: &mut Value) {
+    let counts = || map.domain().texels().map(|[x, y]| map.row(x.into(), y.into()).len());
+    let texels = map.domain().len();
+    facts["mean jumps"] = rounded(counts().sum::<usize>() as f64 / texels as f64);
+    facts["most jumps"] = json!(counts().max());
+    facts["jumpless texels"] = json!(counts().filter(|c| *c == 0).count());
+    facts["bytes"] = json!(bytes);
+    facts["bytes per texel"] = rounded(bytes as f64 / texels as f64);
+}
+
+/// To four digits, which no rounding error reaches.
+fn rounded(v: f64) -> Value {
+    json!((v * 1e4).round() / 1e4)
 }
 
 fn scene(path: &Path, bytes: &[u8]) -> Result<Value, Stop> {

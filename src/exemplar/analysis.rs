@@ -1,16 +1,19 @@
 //! The analysis phase: from the maps of a sample to its jump map.
 //!
 //! Source: \[ZG02\] section 2, figure 2 line by line; Eq. 1-3; diversity by Poisson disc, section 2.2.
-//! In: maps w x h, parameters. Out: a jump map of w x h rows of at most k jumps, and a report.
+//! In: maps w x h and which of their texels may be copied, parameters. Out: a jump map of w x h rows of at most k jumps,
+//! empty for other texels, and a report.
 //! Reads as: Eq. 2 is printed with k + 1 terms; taken as k (test `row_weights_sum_to_at_most_one`). d is the L2 norm
 //! in the space of the principal components, D its maximum over the jumps that were accepted. k in Eq. 1 is the
-//! parameter, also for texels with fewer jumps. If D = 0 every jump is perfect, p = 1/k. Eq. 3, the running sums, is left
-//! to the walk, which scales the row first.
+//! parameter, also for texels with fewer jumps. If D = 0 every jump is perfect, p = 1/k. Probabilities are rounded down to
+//! 256 steps of 1/k, so that they are a byte on disk and the same when read back. Eq. 3, the running sums, is left to the
+//! walk, which scales the row first.
 //! Unaware of: meshes, files, recipes.
 
 use super::matching::{Grid, matches};
 use super::neighbourhood::Neighbourhoods;
-use super::{AnalysisParams, Error, Jump, JumpMap};
+use super::sheet::Subject;
+use super::{AnalysisParams, Error, Jump, JumpMap, Sheet};
 use crate::numerics::knn::{self, Neighbours, Points};
 use crate::numerics::rng::Key;
 use crate::numerics::{par, pca};
@@ -43,48 +46,76 @@ pub struct AnalysisReport {
 /// Finds for every texel up to k texels with similar neighbourhoods and the probabilities of jumping there.
 ///
 /// The result is the same for any number of threads. Maps without importance take no part. Probabilities are whole
-/// multiples of 2^-16, rounded down, at least 2^-16. Source: \[ZG02\] section 2.
+/// multiples of 2^-16, at least one. Source: \[ZG02\] section 2.
 /// Fails if a parameter is out of range, the exemplar is smaller than its finest neighbourhood or too large, or a value
 /// is not a finite number of reasonable size.
 pub fn analyse(maps: &MapSet, params: &AnalysisParams) -> Result<(JumpMap, AnalysisReport), Error> {
-    let Prepared { points, grid, pca, dimensions } = prepare(maps, params)?;
-    let found = matches(&points, grid, params.matches());
-    let accepted = par::map(points.len(), |i| accept(grid, &found, i as u32, params));
+    analyse_subject(&Subject::sample(maps, params)?, params, 0).map(|(map, report, _)| (map, report))
+}
 
-    let count: usize = accepted.iter().map(Vec::len).sum();
-    let largest = accepted.iter().flatten().map(|m| m.1).max().unwrap_or(0);
+/// As [`analyse`], for several samples and parts of samples: jumps lead from any texel of the domain to any other.
+/// Fails moreover if the masks leave no neighbourhood whole, or several samples shall wrap.
+pub fn analyse_sheet(sheet: &Sheet, params: &AnalysisParams) -> Result<(JumpMap, AnalysisReport), Error> {
+    analyse_subject(&Subject::sheet(sheet, params)?, params, 0).map(|(map, report, _)| (map, report))
+}
+
+/// As [`analyse`], and the share of the beta k best matches that the search found, 0..=1, measured against comparing with
+/// all texels at `sample_count` texels (at least one). A match as good as the worst of the true ones counts.
+pub fn analyse_measured(
+    maps: &MapSet,
+    params: &AnalysisParams,
+    sample_count: usize,
+) -> Result<(JumpMap, AnalysisReport, f64), Error> {
+    analyse_subject(&Subject::sample(maps, params)?, params, sample_count.max(1))
+}
+
+/// The recall is 1 without samples.
+fn analyse_subject(
+    subject: &Subject,
+    params: &AnalysisParams,
+    sample_count: usize,
+) -> Result<(JumpMap, AnalysisReport, f64), Error> {
+    let Prepared { points, grid, pca, dimensions } = prepare(subject, params)?;
+    let found = matches(&points, &grid, params.matches());
+    let recall = recall(&points, &grid, &found, params.matches(), sample_count);
+    let accepted = Accepted::new(&grid, &found, points.len(), params);
+    drop(found);
+
+    let largest = accepted.matches.iter().map(|m| m.1).max().unwrap_or(0);
     // In index order, so that the sum is the same for any number of threads.
-    let total: f64 = accepted.iter().flatten().map(|m| points.length(m.1)).sum();
+    let total: f64 = accepted.matches.iter().map(|m| points.length(m.1)).sum();
+    let count = accepted.matches.len();
     let report = AnalysisReport {
         dimensions,
         kept_dimensions: pca.basis.len(),
         kept_variance: pca.kept_variance,
-        min_distance: grid.min_distance,
+        min_distance: params.resolved_min_distance(subject),
         max_distance: points.length(largest),
         mean_distance: total / count.max(1) as f64,
         mean_jumps: count as f64 / points.len() as f64,
-        jumpless: accepted.iter().filter(|a| a.is_empty()).count(),
+        jumpless: accepted.counts.iter().filter(|c| **c == 0).count(),
     };
-    let rows = par::map(points.len(), |i| row(grid, &points, &accepted[i], params, report.max_distance));
-    Ok((JumpMap::from_rows(maps.width(), maps.height(), &rows), report))
+    let texels: Vec<[u16; 2]> = subject.domain.texels().collect();
+    let jumps = par::map(count, |i| {
+        let (to, squared) = accepted.matches[i];
+        let [x, y] = texels[to as usize];
+        Jump { x, y, p: probability(points.length(squared), report.max_distance, params) }
+    });
+    Ok((JumpMap::from_counts(subject.domain.clone(), &accepted.counts, jumps), report, recall))
 }
 
-/// Share of the beta k best matches that the search behind [`analyse`] finds, 0..=1, measured against comparing with
-/// all texels at `sample_count` texels (at least one). A match as good as the worst of the true ones counts.
-/// Fails as `analyse` does.
-pub fn recall(maps: &MapSet, params: &AnalysisParams, sample_count: usize) -> Result<f64, Error> {
-    let Prepared { points, grid, .. } = prepare(maps, params)?;
-    let found = matches(&points, grid, params.matches());
+/// Share of the true matches of some texels that were found.
+fn recall(points: &Points, grid: &Grid, found: &Neighbours, matches: usize, sample_count: usize) -> f64 {
     let key = Key::new(0).with_str("recall");
-    let counts = par::map_chunks(sample_count.max(1), 1, |r| {
+    let counts = par::map_chunks(sample_count, 1, |r| {
         let texel = key.below(r.start as u64, points.len() as u32);
-        let truth = knn::exhaustive(&points, texel, params.matches(), |a, b| grid.apart(a, b));
+        let truth = knn::exhaustive(points, texel, matches, |a, b| grid.apart(a, b));
         let worst = truth.last().map_or(0, |m| m.1);
         let hits = found.row(texel).take(truth.len()).filter(|m| m.1 <= worst).count();
         (hits, truth.len())
     });
     let (hits, all) = counts.iter().fold((0, 0), |s, c| (s.0 + c.0, s.1 + c.1));
-    Ok(if all == 0 { 1.0 } else { hits as f64 / all as f64 })
+    if all == 0 { 1.0 } else { hits as f64 / all as f64 }
 }
 
 /// The exemplar as the search wants it.
@@ -95,45 +126,57 @@ struct Prepared {
     dimensions: usize,
 }
 
-/// Checks, then pyramid, neighbourhood vectors, principal components.
-fn prepare(maps: &MapSet, params: &AnalysisParams) -> Result<Prepared, Error> {
-    params.check(maps)?;
-    let vectors = Neighbourhoods::new(maps, params);
+/// Pyramid, neighbourhood vectors, principal components.
+fn prepare(subject: &Subject, params: &AnalysisParams) -> Result<Prepared, Error> {
+    let vectors = Neighbourhoods::new(subject, params);
     let dimensions = vectors.dims();
-    let pca = pca::fit(&vectors.sample(SAMPLES.max(4 * dimensions)), dimensions, params.variance, dimensions);
-    params.check_memory(maps, pca.basis.len())?;
-    let grid = Grid {
-        width: maps.width(),
-        height: maps.height(),
-        wrap: params.wrap,
-        min_distance: params.resolved_min_distance(maps),
-    };
+    let pca = pca::fit(&vectors.sample(SAMPLES.max(4 * dimensions)), dimensions, params.variance);
+    params.check_memory(subject, pca.basis.len())?;
+    let grid = Grid::new(subject, params.resolved_min_distance(subject));
     Ok(Prepared { points: vectors.project(&pca), grid, pca, dimensions })
 }
 
-/// Poisson-disc filter: of a texel's best beta k matches, best first, those that keep their distance from the accepted
-/// ones, up to k. They all keep it from the texel. Source: \[ZG02\] 2.2.
-fn accept(grid: Grid, found: &Neighbours, texel: u32, params: &AnalysisParams) -> Vec<(u32, u32)> {
-    let mut accepted: Vec<(u32, u32)> = Vec::with_capacity(params.jumps as usize);
-    for (candidate, squared) in found.row(texel).take(params.matches()) {
-        if accepted.len() == params.jumps as usize {
-            break;
-        }
-        if accepted.iter().all(|a| grid.apart(a.0, candidate)) {
-            accepted.push((candidate, squared));
-        }
-    }
-    accepted
+/// The matches to jump to, texel by texel, best first: index and squared distance.
+struct Accepted {
+    counts: Vec<u8>,
+    matches: Vec<(u32, u32)>,
 }
 
-/// The jumps to accepted matches. Source: \[ZG02\] Eq. 1.
-fn row(grid: Grid, points: &Points, accepted: &[(u32, u32)], params: &AnalysisParams, largest: f64) -> Vec<Jump> {
-    const STEPS: f64 = 65536.0;
-    let (k, t) = (f64::from(params.jumps), params.alpha * largest);
-    let jump = |&(to, squared): &(u32, u32)| {
-        let p = if t > 0.0 { (t - points.length(squared)) / (k * t) } else { 1.0 / k };
-        let p = (p * STEPS).floor().max(1.0) / STEPS;
-        Jump { x: (to % grid.width) as u16, y: (to / grid.width) as u16, p: p as f32 }
-    };
-    accepted.iter().map(jump).collect()
+impl Accepted {
+    /// Poisson-disc filter: of each texel's best beta k matches, best first, those that keep their distance from the
+    /// accepted ones, up to k. They all keep it from the texel. Source: \[ZG02\] 2.2.
+    fn new(grid: &Grid, found: &Neighbours, len: usize, params: &AnalysisParams) -> Self {
+        let parts = par::map_chunks(len, 1024, |range| {
+            let mut part = Accepted { counts: Vec::with_capacity(range.len()), matches: vec![] };
+            for texel in range {
+                let first = part.matches.len();
+                for candidate in found.row(texel as u32).take(params.matches()) {
+                    let accepted = &part.matches[first..];
+                    if accepted.len() == params.jumps as usize {
+                        break;
+                    }
+                    if accepted.iter().all(|a| grid.apart(a.0, candidate.0)) {
+                        part.matches.push(candidate);
+                    }
+                }
+                part.counts.push((part.matches.len() - first) as u8);
+            }
+            part
+        });
+        let mut all = Accepted { counts: Vec::with_capacity(len), matches: vec![] };
+        for part in parts {
+            all.counts.extend_from_slice(&part.counts);
+            all.matches.extend_from_slice(&part.matches);
+        }
+        all
+    }
+}
+
+/// The probability of a jump over a distance. Source: \[ZG02\] Eq. 1.
+fn probability(distance: f64, largest: f64, params: &AnalysisParams) -> f32 {
+    let t = params.alpha * largest;
+    let share = if t > 0.0 { (t - distance) / t } else { 1.0 };
+    // A whole number of steps of 2^-16, so that it is exact, and no row's sum is above 1.
+    let steps = (share * 256.0).floor().clamp(1.0, 256.0) as u32;
+    (65536 / params.jumps * steps).div_euclid(256).max(1) as f32 / 65536.0
 }

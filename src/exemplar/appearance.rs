@@ -7,6 +7,7 @@
 //! Unaware of: jumps, synthesis.
 
 use super::neighbourhood::Neighbourhoods;
+use super::sheet::{Sheet, Subject};
 use super::{AnalysisParams, Error};
 use crate::numerics::pca;
 use crate::texture::{MapSet, Texture};
@@ -31,17 +32,24 @@ pub struct Appearance {
 /// The neighbourhoods are those of `params`, and are better smaller than for the analysis: \[9, 5, 3\] blurs seams.
 /// The same for any number of threads. Fails as [`super::analyse`] does.
 pub fn appearance(maps: &MapSet, params: &AnalysisParams, components: usize) -> Result<Appearance, Error> {
-    params.check(maps)?;
-    let components = components.clamp(1, params.dimensions(maps));
-    params.check_memory(maps, 2 * components)?;
-    let vectors = Neighbourhoods::new(maps, params);
+    of_subject(&Subject::sample(maps, params)?, params, components)
+}
+
+/// The appearance of every texel of a sheet's samples, as [`appearance`], laid out as the sheet. Fails as
+/// [`super::analyse_sheet`] does.
+pub fn appearance_sheet(sheet: &Sheet, params: &AnalysisParams, components: usize) -> Result<Appearance, Error> {
+    of_subject(&Subject::sheet(sheet, params)?, params, components)
+}
+
+fn of_subject(subject: &Subject, params: &AnalysisParams, components: usize) -> Result<Appearance, Error> {
+    let components = components.clamp(1, params.dimensions(subject.maps));
+    params.check_memory(subject, 2 * components)?;
+    let vectors = Neighbourhoods::new(subject, params);
     let dims = vectors.dims();
-    let pca = pca::fit(&vectors.sample(SAMPLES.max(2 * dims)), dims, 1.0, components);
-    let features = vectors.features(&pca, 1.0 / (dims as f64).sqrt(), components);
-    Ok(Appearance {
-        features: Texture::from_data(maps.width(), maps.height(), components as u32, features),
-        kept_variance: pca.kept_variance,
-    })
+    let pca = pca::fit_up_to(&vectors.sample(SAMPLES.max(2 * dims)), dims, 1.0, components);
+    let size = (subject.maps.width(), subject.maps.height());
+    let features = vectors.features(&pca, 1.0 / (dims as f64).sqrt(), components as u32, size);
+    Ok(Appearance { features, kept_variance: pca.kept_variance })
 }
 
 #[cfg(test)]

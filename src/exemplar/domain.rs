@@ -40,6 +40,23 @@ impl Domain {
         (count > 0).then_some(domain)
     }
 
+    /// The same texels with another answer to what lies beyond the borders.
+    pub(super) fn with_wrap(mut self, wrap: Wrap) -> Self {
+        self.wrap = wrap;
+        self
+    }
+
+    /// One bit per texel, row by row, lowest bit first; `None` if all belong.
+    pub(super) fn bits(&self) -> Option<&[u64]> {
+        self.bits.as_deref()
+    }
+
+    /// The texels that belong, row by row, as columns and rows.
+    pub fn texels(&self) -> impl Iterator<Item = [u16; 2]> + '_ {
+        let rows = (0..self.height).flat_map(|y| (0..self.width).map(move |x| [x as u16, y as u16]));
+        rows.filter(|t| self.contains(t[0].into(), t[1].into()))
+    }
+
     /// Texels per row.
     pub fn width(&self) -> u32 {
         self.width
@@ -107,6 +124,7 @@ mod tests {
     fn a_mask_takes_texels_away() {
         let d = Domain::masked(3, 2, Wrap::Clamp, |x, y| x != 1 || y != 0).unwrap();
         assert_eq!((d.len(), d.is_plain()), (5, false));
+        assert_eq!(d.texels().collect::<Vec<_>>(), [[0, 0], [2, 0], [0, 1], [1, 1], [2, 1]]);
         assert!(d.contains(0, 0) && !d.contains(1, 0) && d.contains(1, 1));
         assert!(!d.contains(-1, 0) && !d.contains(3, 1) && !d.contains(0, 2));
         assert!(Domain::masked(3, 2, Wrap::Clamp, |_, _| true).unwrap().is_plain());

@@ -38,7 +38,7 @@ pub enum Error {
     /// The exemplar has too long sides or too many texels.
     TooLarge {
         /// Size in texels.
-        size: (u32, u32),
+        size: (u64, u64),
         /// Longest side.
         max_side: u32,
         /// Most texels.
@@ -110,6 +110,41 @@ pub enum Error {
         /// Most bytes.
         max: u64,
     },
+    /// A sheet of no samples.
+    NoSamples,
+    /// A sample has other maps than the first.
+    SampleMaps {
+        /// Its number, from 1.
+        sample: usize,
+        /// Its maps.
+        found: Vec<MapKind>,
+        /// Those of the first.
+        expected: Vec<MapKind>,
+    },
+    /// A mask is not of its sample's size.
+    MaskSize {
+        /// The sample's number, from 1.
+        sample: usize,
+        /// Size of the mask in texels.
+        found: (u32, u32),
+        /// Size of the sample in texels.
+        size: (u32, u32),
+    },
+    /// A mask leaves no texel.
+    MaskEmpty {
+        /// The sample's number, from 1.
+        sample: usize,
+    },
+    /// What the masks leave is nowhere as wide as a neighbourhood.
+    MaskNarrow {
+        /// The side of the finest neighbourhood.
+        side: u32,
+    },
+    /// An exemplar that wraps has several samples.
+    WrapOfSeveral {
+        /// Their number.
+        samples: usize,
+    },
     /// Stored bytes are not a jump map, or are damaged: what is wrong with them.
     Damaged(&'static str),
 }
@@ -150,8 +185,7 @@ impl fmt::Display for Error {
                 write!(f, "importance of {} = {weight}, expected 0..={max}", map.name())
             }
             Error::NothingToCompare { maps } => {
-                let names: Vec<_> = maps.iter().map(|m| m.name()).collect();
-                write!(f, "no map has an importance above 0; the exemplar has {}", names.join(", "))
+                write!(f, "no map has an importance above 0; the exemplar has {}", names(maps))
             }
             Error::Value { map, x, y, value, max } => write!(
                 f,
@@ -165,7 +199,26 @@ impl fmt::Display for Error {
                 *bytes as f64 / GIB,
                 *max as f64 / GIB
             ),
+            Error::NoSamples => write!(f, "no sample to analyse"),
+            Error::SampleMaps { sample, found, expected } => write!(
+                f,
+                "sample {sample} has the maps {}, but sample 1 has {}: all samples need the same maps",
+                names(found),
+                names(expected)
+            ),
+            Error::MaskSize { sample, found: (mw, mh), size: (w, h) } => {
+                write!(f, "the mask of sample {sample} is {mw}x{mh} texels, the sample is {w}x{h}")
+            }
+            Error::MaskEmpty { sample } => write!(f, "the mask of sample {sample} excludes every texel"),
+            Error::MaskNarrow { side } => {
+                write!(f, "the masks leave no neighbourhood of {side}x{side} texels whole")
+            }
+            Error::WrapOfSeveral { samples } => write!(f, "an exemplar that wraps is one sample, found {samples}"),
             Error::Damaged(what) => write!(f, "not a whole jump map: {what}"),
         }
     }
+}
+
+fn names(maps: &[MapKind]) -> String {
+    maps.iter().map(|m| m.name()).collect::<Vec<_>>().join(", ")
 }

@@ -191,7 +191,7 @@ impl Windows {
             }
             vectors
         });
-        pca::fit(&samples.concat(), dims, variance, usize::MAX)
+        pca::fit(&samples.concat(), dims, variance)
     }
 
     /// Projects every vector on the principal directions and rounds to integers.

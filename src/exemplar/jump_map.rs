@@ -61,6 +61,22 @@ impl JumpMap {
         JumpMap { domain, starts, jumps }
     }
 
+    /// From the number of jumps of each texel of a domain and all jumps, row by row, which must fit.
+    pub(super) fn from_counts(domain: Domain, counts: &[u8], jumps: Vec<Jump>) -> Self {
+        let mut counts = counts.iter();
+        let (mut starts, mut next) = (vec![0], 0);
+        starts.reserve_exact(domain.width() as usize * domain.height() as usize);
+        for (y, x) in (0..domain.height()).flat_map(|y| (0..domain.width()).map(move |x| (y, x))) {
+            if domain.contains(x as i32, y as i32) {
+                next += counts.next().map_or(0, |c| u32::from(*c));
+            }
+            starts.push(next);
+        }
+        debug_assert!(counts.next().is_none() && next as usize == jumps.len(), "{next} jumps of {}", jumps.len());
+        debug_assert!(jumps.iter().all(|j| domain.contains(j.x.into(), j.y.into())), "a jump out of the exemplar");
+        JumpMap { domain, starts, jumps }
+    }
+
     /// The texels that may be sources.
     pub fn domain(&self) -> &Domain {
         &self.domain

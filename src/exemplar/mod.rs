@@ -7,6 +7,7 @@ mod appearance;
 mod codec;
 mod domain;
 mod error;
+mod fill;
 mod flipbook;
 mod jump_map;
 mod jump_volume;
@@ -14,14 +15,18 @@ mod matching;
 mod neighbourhood;
 mod params;
 mod pyramid;
+mod range_coder;
+mod sheet;
 #[cfg(test)]
 mod tests;
 
-pub use analysis::{AnalysisReport, analyse, recall};
-pub use appearance::{Appearance, appearance};
+pub use analysis::{AnalysisReport, analyse, analyse_measured, analyse_sheet};
+pub use appearance::{Appearance, appearance, appearance_sheet};
+pub use codec::JUMP_MAP_MAGIC;
 pub use domain::Domain;
 pub use error::Error;
 pub use flipbook::{analyse_flipbook, check_flipbook_size};
 pub use jump_map::{FloatJump, Jump, JumpMap};
 pub use jump_volume::{JumpVolume, VolumeJump};
 pub use params::AnalysisParams;
+pub use sheet::{Area, Sample, Sheet};

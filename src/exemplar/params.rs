@@ -4,6 +4,7 @@
 //! Unaware of: recipes, files.
 
 use super::Error;
+use super::sheet::Subject;
 use crate::texture::{MapKind, MapSet, Wrap};
 use std::collections::BTreeMap;
 
@@ -43,8 +44,8 @@ pub struct AnalysisParams {
     pub min_distance: Option<f64>,
     /// Factor of each map's squared differences, 0..=1e6; maps that are not listed count nothing.
     pub importance: BTreeMap<MapKind, f64>,
-    /// What lies beyond the exemplar's borders: the exemplar again (then distances and jumps go across them as well), or
-    /// (clamp, the default) its mirror image.
+    /// What lies beyond the exemplar's borders: the exemplar again (then distances and jumps go across them as well, and
+    /// there is only one sample), or (clamp, the default) its mirror image.
     pub wrap: Wrap,
 }
 
@@ -81,38 +82,37 @@ impl AnalysisParams {
     }
 
     /// The minimum distance of matches for an exemplar.
-    pub(crate) fn resolved_min_distance(&self, maps: &MapSet) -> f64 {
+    pub(crate) fn resolved_min_distance(&self, subject: &Subject) -> f64 {
         let finest = self.neighbourhoods.first().copied().unwrap_or(1);
-        let quarter = f64::from(maps.width().min(maps.height())) / 4.0;
+        let quarter = f64::from(subject.sides().0) / 4.0;
         self.min_distance.unwrap_or_else(|| f64::from(finest).min(quarter).max(1.0))
     }
 
-    /// Checks the parameters and the maps against them.
-    pub(crate) fn check(&self, maps: &MapSet) -> Result<(), Error> {
+    /// Checks the parameters and an exemplar, whose size is checked already, against them.
+    pub(crate) fn check(&self, subject: &Subject) -> Result<(), Error> {
         self.check_numbers()?;
-        let (w, h) = (maps.width(), maps.height());
         let min = self.neighbourhoods[0];
-        if w.min(h) < min {
-            return Err(Error::TooSmall { size: (w, h), min });
+        if let Some(area) = subject.areas.iter().find(|a| a.width.min(a.height) < min) {
+            return Err(Error::TooSmall { size: (area.width, area.height), min });
         }
-        if w.max(h) > MAX_SIDE || u64::from(w) * u64::from(h) > MAX_TEXELS {
-            return Err(Error::TooLarge { size: (w, h), max_side: MAX_SIDE, max_texels: MAX_TEXELS });
-        }
-        let (distance, max) = (self.resolved_min_distance(maps), f64::from(w.max(h)));
+        let (distance, max) = (self.resolved_min_distance(subject), f64::from(subject.sides().1));
         if !(1.0..=max).contains(&distance) {
             return Err(Error::MinDistance { found: distance, max });
         }
-        self.check_maps(maps)?;
-        self.check_memory(maps, 1)
+        self.check_maps(subject.maps)?;
+        self.check_memory(subject, 1)
     }
 
-    /// Fails if the vectors reduced to `components`, the lists of matches and the pyramid would not fit.
-    pub(crate) fn check_memory(&self, maps: &MapSet, components: usize) -> Result<(), Error> {
-        // Points twice (by texel and by cluster) at two bytes per component; lists of 8 bytes and a copy of 4.
-        let per_texel = 4 * components as u64 + 12 * self.matches() as u64;
-        let [w, h, border] = [maps.width().into(), maps.height().into(), self.reach() as u64];
-        let planes = self.channels(maps) as u64 * self.neighbourhoods.len() as u64;
-        let bytes = w * h * per_texel + 4 * planes * (w + 2 * border) * (h + 2 * border);
+    /// Fails if the vectors reduced to `components`, the lists of matches and the pyramids would not fit.
+    pub(crate) fn check_memory(&self, subject: &Subject, components: usize) -> Result<(), Error> {
+        let (lists, texels) = (self.matches().max(24) as u64, subject.domain.len() as u64);
+        // Points twice (by texel and by cluster) at two bytes per component; lists of 8 bytes and a copy of 4; the grid.
+        let per_texel = 4 * components as u64 + 12 * lists + 8;
+        let (border, planes) =
+            (2 * self.reach() as u64, (self.channels(subject.maps) * self.neighbourhoods.len()) as u64);
+        let padded = |n: u32| u64::from(n) + border;
+        let areas: u64 = subject.areas.iter().map(|a| padded(a.width) * padded(a.height)).sum();
+        let bytes = texels * per_texel + 4 * planes * areas;
         if bytes > MAX_MEMORY { Err(Error::Memory { bytes, max: MAX_MEMORY }) } else { Ok(()) }
     }
 
@@ -169,4 +169,12 @@ impl AnalysisParams {
         }
         Ok(())
     }
+}
+
+/// Fails if an exemplar of that size would be too large.
+pub(crate) fn check_size(width: u64, height: u64) -> Result<(), Error> {
+    if width.max(height) > u64::from(MAX_SIDE) || width * height > MAX_TEXELS {
+        return Err(Error::TooLarge { size: (width, height), max_side: MAX_SIDE, max_texels: MAX_TEXELS });
+    }
+    Ok(())
 }

@@ -42,6 +42,12 @@ fn with(change: impl FnOnce(&mut AnalysisParams)) -> AnalysisParams {
     params
 }
 
+fn recall(maps: &MapSet, params: &AnalysisParams, sample_count: usize) -> f64 {
+    let (map, report, recall) = analyse_measured(maps, params, sample_count).unwrap();
+    assert!((map, report) == analyse(maps, params).unwrap());
+    recall
+}
+
 fn rows(map: &JumpMap) -> impl Iterator<Item = ((u32, u32), &[Jump])> {
     (0..map.height()).flat_map(move |y| (0..map.width()).map(move |x| ((x, y), map.row(x, y))))
 }
@@ -97,7 +103,8 @@ fn row_weights_sum_to_at_most_one() {
         least = row.iter().fold(least, |l, j| l.min(j.p));
     }
     // Eq. 1 at d = D: (1 - 1 / 1.1) / 3.
-    assert!((least - (1.0 - 1.0 / 1.1) / 3.0).abs() < 2e-5, "{least}");
+    let want = (1.0 - 1.0 / 1.1) / 3.0;
+    assert!(least <= want && least > want - 1.0 / 768.0 - 2e-5, "{least}");
     assert!(report.max_distance > report.mean_distance && report.mean_distance > 0.0);
 }
 
@@ -179,7 +186,7 @@ fn agrees_with_the_naive_method() {
             if (u32::from(j.x), u32::from(j.y)) == (w.0, w.1) {
                 same += 1;
                 let p = (1.1 * largest - w.2) / (3.0 * 1.1 * largest);
-                assert!((f64::from(j.p) - p).abs() < 1e-3, "{j:?} {w:?}");
+                assert!((f64::from(j.p) - p + 1.0 / 1536.0).abs() < 1e-3, "{j:?} {w:?}");
             }
         }
     }
@@ -192,11 +199,11 @@ fn agrees_with_the_naive_method() {
 fn the_search_finds_most_of_the_true_matches() {
     for (maps, what) in [(stochastic(112, 97), "stochastic"), (bricks(128, 100), "periodic")] {
         for wrap in [Wrap::Clamp, Wrap::Repeat] {
-            let found = recall(&maps, &with(|p| p.wrap = wrap), 300).unwrap();
+            let found = recall(&maps, &with(|p| p.wrap = wrap), 300);
             assert!(found >= 0.95, "{what} {wrap:?}: {found}");
         }
     }
-    assert_eq!(recall(&stochastic(64, 64), &AnalysisParams::default(), 50).unwrap(), 1.0, "exhaustive");
+    assert_eq!(recall(&stochastic(64, 64), &AnalysisParams::default(), 50), 1.0, "exhaustive");
 }
 
 #[test]
@@ -275,7 +282,7 @@ fn more_jumps_than_the_exemplar_has_room_for() {
     let params = with(|p| (p.jumps, p.diversity) = (64, 5));
     let (map, report) = analyse(&stochastic(16, 16), &params).unwrap();
     assert!(report.mean_jumps > 3.0 && report.jumpless == 0, "{report:?}");
-    assert_eq!(JumpMap::from_bytes(&map.to_bytes()).unwrap(), map);
+    assert!(JumpMap::from_bytes(&map.to_bytes()).unwrap() == map);
     let far = with(|p| p.min_distance = Some(16.0));
     let (map, report) = analyse(&stochastic(16, 16), &far).unwrap();
     assert!(report.jumpless > 0 && rows(&map).any(|r| r.1.is_empty()));
@@ -298,7 +305,69 @@ fn sample(name: &str) -> Option<MapSet> {
 fn real_samples_keep_their_recall() {
     for (name, least) in [("wicker_192.png", 0.98), ("carpet_128.png", 0.97), ("leopard_128.png", 0.99)] {
         let Some(maps) = sample(name) else { return };
-        let found = recall(&maps, &AnalysisParams::default(), 200).unwrap();
+        let found = recall(&maps, &AnalysisParams::default(), 200);
         assert!(found >= least, "{name}: {found}");
+    }
+}
+
+/// A sample with a hole of other stuff, and its mask.
+fn holed(inside: impl Fn(u32, u32) -> f32 + Sync) -> (MapSet, Texture) {
+    let hole = |x: u32, y: u32| (20..34).contains(&x) && (12..30).contains(&y);
+    let maps = heights(64, 48, |x, y| if hole(x, y) { inside(x, y) } else { noise(x / 2, y / 2) });
+    (maps, Texture::from_fn(64, 48, 1, |x, y, out| out[0] = f32::from(u8::from(!hole(x, y)))))
+}
+
+#[test]
+fn masked_texels_are_neither_searched_nor_found() {
+    let (maps, mask) = holed(noise);
+    let sheet = Sheet::new(&[Sample { maps: &maps, mask: Some(&mask) }]).unwrap();
+    let (map, report) = analyse_sheet(&sheet, &AnalysisParams::default()).unwrap();
+    assert_eq!(map.domain(), sheet.domain());
+    for ((x, y), row) in rows(&map) {
+        assert!(map.domain().contains(x as i32, y as i32) || row.is_empty());
+        assert!(row.iter().all(|j| map.domain().contains(j.x.into(), j.y.into())));
+    }
+    assert!(report.mean_jumps > 2.0 && report.jumpless == 0, "{report:?}");
+    assert!(JumpMap::from_bytes(&map.to_bytes()).unwrap() == map);
+}
+
+#[test]
+fn what_fills_a_hole_does_not_show_when_holes_are_filled() {
+    let jumps = |inside: fn(u32, u32) -> f32, fill: bool| {
+        let (maps, mask) = holed(inside);
+        let sheet = Sheet::new(&[Sample { maps: &maps, mask: Some(&mask) }]).unwrap();
+        let sheet = if fill { sheet.with_holes_filled() } else { sheet };
+        analyse_sheet(&sheet, &AnalysisParams::default()).unwrap()
+    };
+    assert!(jumps(|_, _| 0.0, true) == jumps(|x, _| (x % 2) as f32, true));
+    assert!(jumps(|_, _| 0.0, false) != jumps(|x, _| (x % 2) as f32, false));
+}
+
+#[test]
+fn samples_find_each_other_but_do_not_see_each_other() {
+    let left = heights(40, 30, |x, y| noise(x / 2, y / 2));
+    let right = heights(24, 33, |x, y| noise(x / 2, y / 2));
+    let plain = |maps| Sample { maps, mask: None };
+    let sheet = Sheet::new(&[plain(&left), plain(&right)]).unwrap();
+    let (map, _) = analyse_sheet(&sheet, &AnalysisParams::default()).unwrap();
+    // Inside, each texel of the second is a copy of one of the first. Only the coarse levels see borders.
+    for (x, y) in [(8, 8), (12, 14), (9, 20)] {
+        let best = map.row(x, 31 + y)[0];
+        assert_eq!((u32::from(best.x), u32::from(best.y)), (x, y));
+    }
+    assert!(map.row(0, 30).is_empty() && map.row(39, 60).is_empty());
+    let distances = |maps: &MapSet| analyse(maps, &AnalysisParams::default()).unwrap().1.max_distance;
+    let twice = Sheet::new(&[plain(&left), plain(&left)]).unwrap();
+    let report = analyse_sheet(&twice, &AnalysisParams::default()).unwrap().1;
+    assert!(report.mean_distance < 0.7 * distances(&left), "each texel's best match is its copy: {report:?}");
+}
+
+#[test]
+fn a_sheet_of_one_sample_is_that_sample() {
+    let maps = stochastic(80, 70);
+    let sheet = Sheet::new(&[Sample { maps: &maps, mask: None }]).unwrap();
+    for wrap in [Wrap::Clamp, Wrap::Repeat] {
+        let params = with(|p| p.wrap = wrap);
+        assert!(analyse_sheet(&sheet, &params) == analyse(&maps, &params));
     }
 }

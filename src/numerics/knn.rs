@@ -21,9 +21,6 @@ pub const RANGE: i16 = 16383;
 /// Components are padded with zeros to a multiple of this.
 const LANES: usize = 8;
 
-/// The leading components that refining looks at first, on a dense copy: 32 bytes per point stay in the cache.
-const HEAD: usize = 16;
-
 /// Points per parallel task of a refinement.
 const TASK: usize = 256;
 
@@ -56,6 +53,17 @@ impl Points {
     /// True if there are no points.
     pub fn is_empty(&self) -> bool {
         self.data.is_empty()
+    }
+
+    /// Leaves only the points that `keep` says, in their order.
+    pub fn retain(&mut self, mut keep: impl FnMut(usize) -> bool) {
+        let (stride, mut kept) = (self.stride, 0);
+        for i in (0..self.len()).filter(|i| keep(*i)).collect::<Vec<_>>() {
+            self.data.copy_within(i * stride..(i + 1) * stride, kept * stride);
+            kept += 1;
+        }
+        self.data.truncate(kept * stride);
+        self.data.shrink_to_fit();
     }
 
     /// All components, point by point. The norm of every point must stay within [`RANGE`], the padding zero.
@@ -183,7 +191,6 @@ impl Neighbours {
     ) {
         let old = self.lists();
         self.keys.iter_mut().filter(|k| **k != key::NONE).for_each(|k| *k &= !1);
-        let heads = heads(points);
         let k = self.k;
         par::for_rows(&mut self.keys, TASK * k, |task, keys| {
             let (mut tried, mut proposed, mut batch) = (Tried::new(), vec![], vec![]);
@@ -192,15 +199,8 @@ impl Neighbours {
                 proposed.clear();
                 candidates(point, &old, &mut proposed);
                 // Distances of a whole batch at a time: their cache misses then overlap.
-                let limit = key::squared(list[k - 1]);
-                let head = &heads[point as usize];
                 batch.clear();
-                batch.extend(proposed.iter().filter(|&&q| {
-                    q != point
-                        && tried.is_new(point, q)
-                        && allowed(point, q)
-                        && squared_distance(head, &heads[q as usize]) <= limit
-                }));
+                batch.extend(proposed.iter().filter(|&&q| q != point && tried.is_new(point, q) && allowed(point, q)));
                 for &q in &batch {
                     let squared = points.squared_distance(point, q);
                     if squared <= key::squared(list[k - 1]) {
@@ -237,15 +237,6 @@ impl Lists {
         let row = &self.ids[point as usize * self.k..][..self.k];
         row.iter().take_while(|q| **q != Self::NONE).map(|q| (q & !Self::FRESH, q & Self::FRESH != 0))
     }
-}
-
-/// The first components of every point, densely.
-fn heads(points: &Points) -> Vec<[i16; HEAD]> {
-    par::map(points.len(), |i| {
-        let mut head = [0; HEAD];
-        head.iter_mut().zip(points.point(i as u32)).for_each(|(h, v)| *h = *v);
-        head
-    })
 }
 
 /// Remembers most of the pairs that were tried lately; forgetting one only costs time.
@@ -289,6 +280,14 @@ mod tests {
             }
         }
         points
+    }
+
+    #[test]
+    fn the_points_that_stay_keep_their_order() {
+        let mut points = points(5, 3, 100);
+        let third = points.point(3).to_vec();
+        points.retain(|i| i % 3 == 0);
+        assert_eq!((points.len(), points.point(1)), (2, &third[..]));
     }
 
     #[test]

@@ -23,9 +23,14 @@ const COLUMNS_PER_TASK: usize = 16;
 /// Directions of less than this share of the total variance are rounding noise and never kept.
 const NOISE: f64 = 1e-12;
 
-/// Finds the least number of directions, at most `most` (one, if that is zero), that hold at least `variance` (0..=1) of
-/// the variance of `samples`, rows of `dims` finite values. Panics if there is no sample or the rows are not whole.
-pub fn fit(samples: &[f32], dims: usize, variance: f64, most: usize) -> Pca {
+/// Finds the least number of directions that hold at least `variance` (0..=1) of the variance of `samples`, rows of
+/// `dims` finite values. Panics if there is no sample or the rows are not whole.
+pub fn fit(samples: &[f32], dims: usize, variance: f64) -> Pca {
+    fit_up_to(samples, dims, variance, dims)
+}
+
+/// As [`fit`], but at most `most` directions (one, if that is zero).
+pub fn fit_up_to(samples: &[f32], dims: usize, variance: f64, most: usize) -> Pca {
     assert!(dims > 0 && !samples.is_empty() && samples.len().is_multiple_of(dims), "whole samples");
     let count = samples.len() / dims;
     let mut mean = vec![0.0; dims];
@@ -92,7 +97,7 @@ mod tests {
     #[test]
     fn points_on_a_line_have_one_direction() {
         let samples: Vec<f32> = (0..10).flat_map(|i| [i as f32 * 3.0, 7.0, i as f32 * 4.0]).collect();
-        let pca = fit(&samples, 3, 1.0, 3);
+        let pca = fit(&samples, 3, 1.0);
         assert_eq!(pca.basis.len(), 1);
         assert!((pca.basis[0][0] - 0.6).abs() < 1e-12 && (pca.basis[0][2] - 0.8).abs() < 1e-12);
         assert_eq!(pca.mean, [13.5, 7.0, 18.0]);
@@ -101,7 +106,7 @@ mod tests {
 
     #[test]
     fn equal_points_keep_one_direction_and_all_of_nothing() {
-        let pca = fit(&[0.3; 12], 4, 0.97, 4);
+        let pca = fit(&[0.3; 12], 4, 0.97);
         assert_eq!((pca.basis.len(), pca.kept_variance), (1, 1.0));
     }
 
@@ -112,11 +117,11 @@ mod tests {
         let samples: Vec<f32> =
             (0..30_000).flat_map(|i| [4.0, 2.0, 1.0].map(|s| s * (key.with(i).unit(s as u64) as f32 - 0.5))).collect();
         for (variance, want) in [(0.5, 1), (0.75, 1), (0.8, 2), (0.94, 2), (0.97, 3)] {
-            let pca = fit(&samples, 3, variance, 3);
+            let pca = fit(&samples, 3, variance);
             assert_eq!(pca.basis.len(), want, "{variance}");
             assert!(pca.kept_variance >= variance);
         }
-        let two = fit(&samples, 3, 1.0, 2);
+        let two = fit_up_to(&samples, 3, 1.0, 2);
         assert_eq!(two.basis.len(), 2);
         assert!((two.kept_variance - 20.0 / 21.0).abs() < 0.01);
     }

@@ -199,6 +199,8 @@ pub struct Exemplar {
     /// Black and white: where the features are. Weighs in the analysis and steers the morph; never an output.
     #[schemars(transform = filled)]
     pub feature_mask: Option<String>,
+    /// The sample itself wraps in both directions: it has no borders.
+    pub tileable: bool,
     /// Weight of each map in the similarity of texels. Default: 1 for base_color, height and feature_mask.
     pub importance: Option<Importance>,
 }
@@ -218,6 +220,7 @@ impl Default for Exemplar {
             orm: None,
             emissive: None,
             feature_mask: None,
+            tileable: false,
             importance: None,
         }
     }

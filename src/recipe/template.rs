@@ -86,6 +86,7 @@ path = {mesh}
 [exemplar]                              # maps of one sample, all the same size
 {maps}
 # importance = { base_color = 1.0 }     # weight of each map in the similarity
+# tileable = false                      # the sample itself wraps: it has no borders
 
 [analysis]
 # neighbourhoods = [9, 5, 3]            # in texels, finest level first; larger features want larger ones

@@ -159,6 +159,7 @@ fn exemplar_of(from: schema::Exemplar, context: &mut Context) -> Exemplar {
         orm,
         emissive,
         feature_mask,
+        tileable,
         importance,
     } = from;
     let is_flipbook = frames.is_some();
@@ -190,7 +191,7 @@ fn exemplar_of(from: schema::Exemplar, context: &mut Context) -> Exemplar {
         Some(weights) => importance_of(weights, &kinds, context),
         None => default_importance(&kinds),
     };
-    Exemplar { maps, feature_mask, normal_y, importance }
+    Exemplar { maps, feature_mask, tileable, normal_y, importance }
 }
 
 /// The pattern that the last part of a path must be.

@@ -60,6 +60,8 @@ pub struct Exemplar {
     pub maps: Vec<ExemplarMap>,
     /// Black and white: where the features are.
     pub feature_mask: Option<FileRef>,
+    /// The sample wraps in both directions.
+    pub tileable: bool,
     /// Which way the normal map's green channel points.
     pub normal_y: NormalY,
     /// Weight of each map in the similarity, all positive, in the order of [`MapKind`]; maps left out weigh nothing.

@@ -11,7 +11,7 @@ pub(super) struct Analyse {
 }
 
 impl Step for Analyse {
-    super::step_identity!("analyse", 1);
+    super::step_identity!("analyse", 2);
 
     fn describe(&self, v: &mut dyn Visitor) {
         describe(&self.params, v);

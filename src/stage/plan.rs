@@ -192,7 +192,7 @@ impl Planner<'_> {
         let recipe::Analysis { neighbourhoods, jumps, variance, alpha, diversity, min_distance } =
             self.recipe.analysis.clone();
         let importance = self.recipe.exemplar.importance.iter().copied().collect();
-        let wrap = Wrap::Clamp;
+        let wrap = if self.recipe.exemplar.tileable { Wrap::Repeat } else { Wrap::Clamp };
         AnalysisParams { neighbourhoods, jumps, diversity, variance, alpha, min_distance, importance, wrap }
     }
 
