@@ -145,10 +145,10 @@ impl GridCut {
     /// Adds the neighbours that a node reaches to its tree; the arc from the source's tree to the sink's if one is met.
     fn grow(&mut self, node: usize) -> Option<(usize, usize)> {
         let Node { arcs, distance, stamp, tree, .. } = self.nodes[node];
-        for direction in 0..4 {
+        for (direction, out) in arcs.into_iter().enumerate() {
             let at = self.beside(node, direction);
             let other = &mut self.nodes[at];
-            let open = if tree == SOURCE { arcs[direction] } else { other.arcs[3 - direction] };
+            let open = if tree == SOURCE { out } else { other.arcs[3 - direction] };
             if open == 0 {
                 continue;
             }
@@ -216,10 +216,10 @@ impl GridCut {
             let node = node as usize;
             let Node { tree, arcs, .. } = self.nodes[node];
             let mut best: Option<(u32, usize)> = None;
-            for direction in 0..4 {
+            for (direction, out) in arcs.into_iter().enumerate() {
                 let at = self.beside(node, direction);
                 let other = &self.nodes[at];
-                let open = if tree == SOURCE { other.arcs[3 - direction] } else { arcs[direction] };
+                let open = if tree == SOURCE { other.arcs[3 - direction] } else { out };
                 if open == 0 || other.tree != tree {
                     continue;
                 }
@@ -241,13 +241,13 @@ impl GridCut {
 
     fn set_free(&mut self, node: usize) {
         let Node { tree, arcs, .. } = self.nodes[node];
-        for direction in 0..4 {
+        for (direction, out) in arcs.into_iter().enumerate() {
             let at = self.beside(node, direction);
             let other = &self.nodes[at];
             if other.tree != tree {
                 continue;
             }
-            let open = if tree == SOURCE { other.arcs[3 - direction] } else { arcs[direction] };
+            let open = if tree == SOURCE { other.arcs[3 - direction] } else { out };
             if open > 0 {
                 self.active.push_back(at as u32);
             }

@@ -222,7 +222,7 @@ fn unroll(runs: &[u8], firsts: &[u8], width: usize, pixels: usize, exemplar: [u3
                 let b = firsts.next()?;
                 [u16::from_le_bytes([b[0], b[1]]), u16::from_le_bytes([b[2], b[3]])]
             }
-            _ if at % width == 0 => return None,
+            _ if at.is_multiple_of(width) => return None,
             _ => [out[at - 1][0].wrapping_add(1), out[at - 1][1]],
         };
         for _ in 0..len {
