@@ -3,7 +3,7 @@
 //! The "seeding" that \[ZG02\] section 6 asks for, so that the output can be sampled anywhere without generating all of it.
 //! A large canvas is cut into cells of about 512 x 512 pixels. They are synthesised in four phases, by the parity of their
 //! column and row, so that no two cells of a phase touch: the first phase starts from a seed of its own, later ones go on
-//! from what is around them, and corrections may change [`MARGIN`] pixels of the neighbours that are there already. What a
+//! from what is around them, and corrections may change `MARGIN` pixels of the neighbours that are there already. What a
 //! cell becomes depends on the neighbours of earlier phases only, theirs on theirs: on 24 cells at most. A canvas of one
 //! cell is the published method's single walk.
 //! Unaware of: colours, files.

@@ -4,7 +4,7 @@
 //! Beyond \[ZG02\]; asked for by its section 6 ("a multi-resolution synthesis procedure") and by \[ZG03\] section 6 ("extra
 //! passes, when all neighbours are available to suggest destinations"). Without it the result is the published method's.
 //! The walk's patches and the jumps of the texels along their seams are the candidates (k-coherence, Tong et al. 2002;
-//! shift maps, Pritch et al. 2009); each move is a minimum cut in a window ([`super::image_window`]). Corrections of one pixel
+//! shift maps, Pritch et al. 2009); each move is a minimum cut in a window (`image_window`). Corrections of one pixel
 //! at a time were tried first: they mend seams but cannot move them, and structured samples stay broken (over 16 exemplars
 //! swd 0.99 and coherence_p95 1.15 of the better peer's, against 0.85 and 0.69).
 //!

@@ -10,7 +10,7 @@
 //!
 //! s_p being the source of p, E the exemplar's values, V their local variance, c the cost of a jump in itself: how visible
 //! it is that the patch of p would put something else at q than is there. Inside one patch it is zero. Across a seam in
-//! time it is a change that the exemplar does not have: flicker; such pairs weigh [`TIME_WEIGHT`] times as much. Where a
+//! time it is a change that the exemplar does not have: flicker; such pairs weigh `TIME_WEIGHT` times as much. Where a
 //! texel lies outside the exemplar the other half counts twice. As with images, a source costs more by the share by which
 //! its part of the exemplar is used more than the rest.
 //! A pixel's candidates are the continuations of its 26 neighbours and the jumps of the nearest six.

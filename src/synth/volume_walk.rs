@@ -14,7 +14,7 @@
 //!   along a border in an image, a whole frame would fall apart when its patches reach the end of time together.
 //! - Patches only grow forward in time, so the last frame of the exemplar is an order-dependent edge (3.1): jumps that lead
 //!   near it have their probabilities reduced.
-//! - The neighbour in time counts for [`TIME`] of those in space.
+//! - The neighbour in time counts for `TIME` of those in space.
 //!
 //! Unaware of: colours.
 
