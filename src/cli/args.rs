@@ -3,6 +3,7 @@
 //! In: the command line. Out: checked values; a mistake ends with exit code 2 and a sentence, by clap.
 //! Unaware of: what the verbs do.
 
+use super::synth_inputs::Control;
 use crate::recipe::{Blend, BlendSize, CanvasDebug, CanvasOrder, Word, limits};
 use clap::builder::{PossibleValuesParser, TypedValueParser, ValueParser};
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum, ValueHint};
@@ -129,8 +130,12 @@ Examples:
 Examples:
   kiln synth moss.png -o large-moss.png --size 1024x1024
   kiln synth bricks.png -o wall.exr --size 2048x512 --seed 7 --neighbourhoods 13,9,5 --blend none
-  kiln synth moss.png -o part.png --size 16384x16384 --tileable --region 8000,0,512,512 --debug patches=patches.png")]
-    Synth(Synth),
+  kiln synth moss.png -o part.png --size 16384x16384 --tileable --region 8000,0,512,512 --debug patches=patches.png
+  kiln synth moss.png lichen.png -o both.png --size 512x512 --mask 2=usable.png
+  kiln synth rust.png -o plate.png --exemplar-guide rust-labels.png --guide painted-labels.png
+  kiln synth wall.png -o mended.png --inpaint hole.png
+  kiln synth rough.png --map roughness -o large-rough.png --sources large-moss.sources.png")]
+    Synth(Box<Synth>),
     /// Write a commented recipe to start from
     #[command(after_help = "\
 Examples:
@@ -214,15 +219,15 @@ pub struct Plan {
 /// `kiln synth`. What is left out has the recipe's default.
 #[derive(Clone, Debug, Args)]
 pub struct Synth {
-    /// The sample
-    #[arg(value_name = "EXEMPLAR", value_hint = ValueHint::FilePath)]
-    pub exemplar: PathBuf,
+    /// The sample, or several: the output is mixed of all
+    #[arg(value_name = "EXEMPLAR", required = true, value_hint = ValueHint::FilePath)]
+    pub exemplars: Vec<PathBuf>,
     /// File to write; its extension says the format
     #[arg(short, long, value_name = "OUT", value_hint = ValueHint::FilePath)]
     pub output: PathBuf,
-    /// Width and height in texels
-    #[arg(long, value_name = "WxH", value_parser = size)]
-    pub size: Size,
+    /// Width and height in texels; may be left out where --guide, --inpaint or --sources says it
+    #[arg(long, value_name = "WxH", value_parser = size, required_unless_present_any = ["guide", "inpaint", "sources"])]
+    pub size: Option<Size>,
     /// Make only this window of it: first column and row, width and height
     #[arg(long, value_name = "X,Y,W,H", value_parser = region)]
     pub region: Option<Region>,
@@ -254,6 +259,9 @@ pub struct Synth {
     /// Correction passes; 0 is the published method [default: 2]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(i64::from(*limits::REFINE.start())..=i64::from(*limits::REFINE.end())))]
     pub refine: Option<u32>,
+    /// What steers it.
+    #[command(flatten)]
+    pub control: Control,
 }
 
 /// Width and height in texels.
@@ -366,12 +374,12 @@ pub struct Completions {
 }
 
 /// A word of the recipe format.
-fn word<W: Word>() -> ValueParser {
+pub(super) fn word<W: Word>() -> ValueParser {
     let names = PossibleValuesParser::new(W::ALL.iter().map(|word| word.name()));
     names.try_map(|name| W::from_name(&name).ok_or("not a word of the list")).into()
 }
 
-fn within<T: PartialOrd + std::fmt::Display>(value: T, range: RangeInclusive<T>) -> Result<T, String> {
+pub(super) fn within<T: PartialOrd + std::fmt::Display>(value: T, range: RangeInclusive<T>) -> Result<T, String> {
     if range.contains(&value) { Ok(value) } else { Err(format!("expected {} to {}", range.start(), range.end())) }
 }
 
@@ -431,6 +439,7 @@ fn neighbourhoods(text: &str) -> Result<Neighbourhoods, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::recipe::MapFile;
     use clap::CommandFactory;
 
     fn read(line: &str) -> Result<Cli, String> {
@@ -442,7 +451,7 @@ mod tests {
 
     fn synth(flags: &str) -> Result<Synth, String> {
         match read(&format!("kiln synth a.png -o b.png {flags}"))?.verb {
-            Verb::Synth(synth) => Ok(synth),
+            Verb::Synth(synth) => Ok(*synth),
             other => panic!("{other:?}"),
         }
     }
@@ -503,7 +512,7 @@ mod tests {
 
     #[test]
     fn sizes_are_checked_before_memory_is_taken() {
-        assert_eq!(synth("--size 640x480").map(|s| s.size), Ok(Size { width: 640, height: 480 }));
+        assert_eq!(synth("--size 640x480").map(|s| s.size), Ok(Some(Size { width: 640, height: 480 })));
         for (size, said) in [
             ("640", "expected WIDTHxHEIGHT"),
             ("640x", "expected WIDTHxHEIGHT"),
@@ -536,6 +545,28 @@ mod tests {
             ("--blend-kernel 4", "3, 5"),
         ] {
             assert!(synth(&format!("--size 8x8 {flag}")).is_err_and(|e| e.contains(said)), "{flag}: {:?}", synth(flag));
+        }
+    }
+
+    #[test]
+    fn the_size_may_follow_from_what_steers() {
+        assert!(synth("--tileable").is_err_and(|e| e.contains("--size")));
+        let s = synth("b.png c.png --guide g.png --guide-weight 2 --mask 2=m.png").unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!((s.exemplars.len(), s.size, s.control.guide_weight), (3, None, Some(2.0)));
+        assert_eq!(s.control.mask[0].number, Some(2));
+        let s = synth("--sources s.png --map normal").unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(s.control.map, Some(MapFile::Normal));
+        for (flags, said) in [
+            ("--sources s.png --guide g.png", "cannot be used with"),
+            ("--sources s.png --size 8x8", "cannot be used with"),
+            ("--sources s.png --refine 1", "cannot be used with"),
+            ("--inpaint i.png --region 0,0,5,5", "cannot be used with"),
+            ("--size 8x8 --exemplar-guide g.png", "--guide <TARGET>"),
+            ("--guide g.png --guide-weight 0", "expected 0.01 to 100"),
+            ("--size 8x8 --mask 0=m.png", "counted from 1"),
+            ("--size 8x8 --map colour", "base_color"),
+        ] {
+            assert!(synth(flags).is_err_and(|e| e.contains(said)), "{flags}: {:?}", synth(flags));
         }
     }
 

@@ -14,6 +14,7 @@ mod progress;
 mod project;
 mod shader;
 mod synth;
+pub mod synth_inputs;
 
 use std::io::Write;
 use std::process::ExitCode;

@@ -41,7 +41,7 @@ impl Domain {
     }
 
     /// The same texels with another answer to what lies beyond the borders.
-    pub(super) fn with_wrap(mut self, wrap: Wrap) -> Self {
+    pub fn with_wrap(mut self, wrap: Wrap) -> Self {
         self.wrap = wrap;
         self
     }

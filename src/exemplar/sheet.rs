@@ -76,11 +76,24 @@ impl Sheet {
         Ok(Sheet { maps, areas, domain, fill: false })
     }
 
+    /// One sample, all of it. Fails if it is too large to be analysed.
+    pub fn whole(maps: MapSet) -> Result<Self, Error> {
+        let (width, height) = (maps.width(), maps.height());
+        check_size(width.into(), height.into())?;
+        let domain = Domain::full(width, height, Wrap::Clamp);
+        Ok(Sheet { maps, areas: vec![Area { y: 0, width, height }], domain, fill: false })
+    }
+
     /// Neighbourhoods see, in place of what excluded texels show, a smooth continuation of the others. For pictures with
     /// a hole in which there is rubbish.
     pub fn with_holes_filled(mut self) -> Self {
         self.fill = true;
         self
+    }
+
+    /// True if neighbourhoods see a continuation of the others where texels are excluded.
+    pub fn has_holes_filled(&self) -> bool {
+        self.fill
     }
 
     /// The maps of all samples.
@@ -214,6 +227,8 @@ mod tests {
         assert_eq!(domain.len(), 6 + 7);
         assert!(domain.contains(2, 1) && !domain.contains(1, 2) && !domain.contains(0, 3) && domain.contains(1, 3));
         assert!(!domain.contains(2, 4));
+        let alone = Sheet::new(&[Sample { maps: &b, mask: None }]).unwrap();
+        assert_eq!(Sheet::whole(b).unwrap(), alone);
     }
 
     #[test]

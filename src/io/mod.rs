@@ -8,12 +8,14 @@ mod image_jpeg;
 mod image_pixels;
 mod image_png;
 pub mod image_quantise;
+pub mod image_restore;
 pub mod image_set;
 pub mod image_strips;
 mod obj;
 pub mod scene;
 mod scene_error;
 pub mod source_file;
+pub mod steering;
 
 pub use image_pixels::{Pixels, SampleType, Samples};
 pub use scene_error::SceneError;

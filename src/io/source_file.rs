@@ -1,8 +1,9 @@
 //! Source files: which texel of the exemplar each pixel of a synthesis shows, as a picture.
 //!
 //! A PNG of 16 bits, RGB, as large as the synthesis: red is the column of the texel, green its row, both counted from 0.
-//! Blue is 1 in every pixel if the synthesis continues at its opposite borders, else 0. So it is lossless, any tool can
-//! look at it, and the same synthesis can be applied again to another map of the exemplar's size.
+//! Blue is the same in every pixel: odd if the synthesis continues at its opposite borders, and its half is a number that
+//! stands for the exemplar's size. So it is lossless, any tool can look at it, and the same synthesis can be applied again
+//! to another map of the exemplar's size, but not to one of another size by mistake.
 //! Unaware of: what the texels show.
 
 use std::fmt;
@@ -25,6 +26,11 @@ pub enum SourceFileError {
         /// What is wrong.
         reason: String,
     },
+    /// The sources of an exemplar of another size.
+    Size {
+        /// Size of the exemplar in texels.
+        exemplar: [u32; 2],
+    },
     /// A pixel's source lies outside the exemplar.
     Outside {
         /// Column and row of the pixel.
@@ -42,6 +48,9 @@ impl fmt::Display for SourceFileError {
             SourceFileError::Image(e) => fmt::Display::fmt(e, f),
             SourceFileError::NotSources { reason } => {
                 write!(f, "{reason}; expected source coordinates as kiln writes them: a PNG of 16 bits, RGB")
+            }
+            SourceFileError::Size { exemplar: [w, h] } => {
+                write!(f, "these are not sources of an exemplar of {w} x {h}")
             }
             SourceFileError::Outside { pixel: [x, y], source: [sx, sy], exemplar: [w, h] } => {
                 write!(
@@ -61,10 +70,17 @@ impl From<ImageError> for SourceFileError {
     }
 }
 
+/// What blue is.
+fn blue(exemplar: [u32; 2], wraps: bool) -> u16 {
+    // Sizes with the same number differ a lot.
+    let size = (exemplar[0] * 251 + exemplar[1]) & 0x7fff;
+    (size << 1) as u16 | u16::from(wraps)
+}
+
 /// The sources of a map as a picture.
 pub fn source_pixels(map: &SourceMap) -> Pixels {
-    let wraps = u16::from(map.tileable);
-    let samples = Samples::U16(map.sources.iter().flat_map(|[x, y]| [*x, *y, wraps]).collect());
+    let blue = blue(map.exemplar_size, map.tileable);
+    let samples = Samples::U16(map.sources.iter().flat_map(|[x, y]| [*x, *y, blue]).collect());
     Pixels { width: map.width, height: map.height, channels: 3, samples }
 }
 
@@ -76,16 +92,20 @@ pub fn encode_sources(map: &SourceMap) -> Result<Vec<u8>, ImageError> {
 /// Reads sources in an exemplar of `exemplar` texels, of which every one is checked to lie inside. The counters are zero.
 pub fn decode_sources(bytes: &[u8], exemplar: [u32; 2]) -> Result<SourceMap, SourceFileError> {
     let mut sources = Vec::new();
-    let mut wraps = None;
+    let mut first = None;
     let mut fault = None;
     let [width, height] = image_png::rows_rgb16(bytes, &LIMITS, |y, row| {
         for (x, &[sx, sy, blue]) in row.iter().enumerate() {
             let pixel = [x as u32, y];
+            let expected = *first.get_or_insert(blue);
+            if expected | 1 != self::blue(exemplar, true) {
+                fault.get_or_insert(SourceFileError::Size { exemplar });
+            }
             if u32::from(sx) >= exemplar[0] || u32::from(sy) >= exemplar[1] {
                 fault.get_or_insert(SourceFileError::Outside { pixel, source: [sx, sy], exemplar });
             }
-            if blue > 1 || *wraps.get_or_insert(blue) != blue {
-                let reason = format!("pixel ({x}, {y}) has a blue of {blue}, not 0 or 1 as in all others");
+            if blue != expected {
+                let reason = format!("pixel ({x}, {y}) has a blue of {blue}, not {expected} as the first");
                 fault.get_or_insert(SourceFileError::NotSources { reason });
             }
             sources.push([sx, sy]);
@@ -103,7 +123,7 @@ pub fn decode_sources(bytes: &[u8], exemplar: [u32; 2]) -> Result<SourceMap, Sou
             height,
             exemplar_size: exemplar,
             sources,
-            tileable: wraps == Some(1),
+            tileable: first.is_some_and(|blue| blue & 1 == 1),
             counters: Default::default(),
         }),
     }
@@ -130,11 +150,19 @@ mod tests {
     fn what_does_not_fit_is_named() {
         let read = |bytes: &[u8], exemplar| decode_sources(bytes, exemplar).unwrap_err().to_string();
         let bytes = encode_sources(&map(false)).unwrap();
-        let outside = "pixel (0, 0) shows texel (0, 299) of an exemplar of 700 x 299: sources of another one";
-        assert_eq!(read(&bytes, [700, 299]), outside);
+        for size in [[700, 299], [701, 300], [2048, 2048]] {
+            let [w, h] = size;
+            assert_eq!(read(&bytes, size), format!("these are not sources of an exemplar of {w} x {h}"));
+        }
         let mut pixels = source_pixels(&map(true));
         if let Samples::U16(s) = &mut pixels.samples {
-            s[8] = 0;
+            s[1] = 300;
+        }
+        let outside = encode_png(&pixels, Compression::Fast, Transfer::Unstated).unwrap();
+        let said = "pixel (0, 0) shows texel (0, 300) of an exemplar of 700 x 300: sources of another one";
+        assert_eq!(read(&outside, [700, 300]), said);
+        if let Samples::U16(s) = &mut pixels.samples {
+            (s[1], s[8]) = (299, 0);
         }
         let mixed = encode_png(&pixels, Compression::Best, Transfer::Unstated).unwrap();
         assert!(read(&mixed, [700, 300]).starts_with("pixel (2, 0) has a blue of 0"), "{}", read(&mixed, [700, 300]));

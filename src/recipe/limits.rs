@@ -56,6 +56,10 @@ pub const SCALE: RangeInclusive<f64> = 1e-6..=1e9;
 pub const FACTOR: RangeInclusive<f64> = 0.01..=100.0;
 /// Mean distance between jumps, in exemplar sides.
 pub const PATCH: RangeInclusive<f64> = 0.01..=100.0;
+/// What differences from a guide count against seams.
+pub const GUIDE_WEIGHT: RangeInclusive<f64> = 0.01..=100.0;
+/// Samples after the first.
+pub const SAMPLES: usize = 63;
 /// Correction passes.
 pub const REFINE: RangeInclusive<u32> = 0..=16;
 /// Largest seed.

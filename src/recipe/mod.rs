@@ -17,6 +17,7 @@ mod hint;
 mod json_schema;
 pub mod limits;
 mod rules;
+mod samples;
 mod schema;
 mod shape;
 mod template;

@@ -9,7 +9,7 @@ use super::tree::{At, Entry, Node, Table, Value};
 use super::words::{MapFile, Word};
 
 /// Two keys that exclude each other, and why.
-const RIVALS: [(&str, &str, &str); 16] = [
+const RIVALS: [(&str, &str, &str); 36] = [
     ("mesh", "canvas", "a recipe covers a mesh or fills a canvas; make two recipes"),
     ("canvas", "field", "a canvas has no surface for a field to lie on"),
     ("canvas", "atlas", "a canvas needs no unwrap; its `maps`, `format` and `compression` go into [canvas]"),
@@ -17,12 +17,32 @@ const RIVALS: [(&str, &str, &str); 16] = [
     ("canvas", "render", "a canvas is its own picture"),
     ("canvas", "synthesis.scale", "a canvas has no unit of length; its texels are the exemplar's"),
     ("canvas", "synthesis.order", "a canvas has no vertices; `order` in [canvas] is the order of its texels"),
+    ("mesh", "exemplar.more", "several samples are mixed on canvases only"),
+    ("mesh", "exemplar.mask", "parts of a sample are left out on canvases only"),
+    ("mesh", "exemplar.guide", "guides are for canvases"),
+    ("canvas.sources", "canvas.guide", "the sources were chosen already; keep one"),
+    ("canvas.sources", "canvas.inpaint", "the sources were chosen already; keep one"),
+    ("canvas.sources", "canvas.size", "the sources say how large the canvas is"),
+    ("canvas.sources", "canvas.tileable", "the sources say whether the canvas wraps"),
+    ("canvas.sources", "canvas.order", "the sources were chosen already; nothing is walked"),
+    ("canvas.sources", "analysis", "the sources were chosen already; nothing is analysed"),
+    ("canvas.sources", "exemplar.importance", "the sources were chosen already; nothing is compared"),
+    ("canvas.sources", "exemplar.guide", "the sources were chosen already; nothing is guided"),
+    ("canvas.sources", "synthesis.seed", "the sources were chosen already; keep one"),
+    ("canvas.sources", "synthesis.patch", "the sources were chosen already; keep one"),
+    ("canvas.sources", "synthesis.refine", "the sources were chosen already; nothing is corrected"),
     ("atlas.size", "atlas.texels_per_unit", "each follows from the other; keep one"),
     ("atlas.unwrap", "atlas.keep_uv", "the texture coordinates are made or kept; keep one"),
     ("atlas.keep_uv", "atlas.texels_per_unit", "kept texture coordinates have their scale already; give `size`"),
     ("mesh", "exemplar.frames", "a mesh is covered with a still; a flipbook fills a [canvas]"),
     ("exemplar.frames", "exemplar.base_color", "`frames` are the base colour of a flipbook; keep one"),
     ("exemplar.frames", "exemplar.feature_mask", "a flipbook is analysed without a mask; remove it"),
+    ("exemplar.frames", "exemplar.mask", "parts are left out of stills only"),
+    ("exemplar.frames", "exemplar.guide", "guides are for stills"),
+    ("exemplar.frames", "exemplar.more", "several samples are mixed for stills only"),
+    ("exemplar.frames", "canvas.guide", "guides are for stills"),
+    ("exemplar.frames", "canvas.inpaint", "holes are filled in stills only"),
+    ("exemplar.frames", "canvas.sources", "sources are stored of stills only"),
     ("exemplar.orm", "exemplar.roughness", "`orm` holds the roughness in its green channel; keep one"),
     ("exemplar.orm", "exemplar.metallic", "`orm` holds the metalness in its blue channel; keep one"),
     ("exemplar.orm", "exemplar.occlusion", "`orm` holds the occlusion in its red channel; keep one"),
@@ -91,6 +111,14 @@ pub(super) fn check_presence(tree: &Node, findings: &mut Findings) {
             exclusion(findings, (&names[0], kind), (&names[1], index), "the kind says the index; keep one");
         }
     });
+    for_each_table(tree, "exemplar.more", |path, table| {
+        for packed in ["roughness", "metallic", "occlusion"] {
+            if let (Some(orm), Some(single)) = (table.get("orm"), table.get(packed)) {
+                let names = [format!("{path}.orm"), format!("{path}.{packed}")];
+                exclusion(findings, (&names[0], orm), (&names[1], single), "`orm` holds that map; keep one");
+            }
+        }
+    });
     check_method_keys(tree, findings);
 }
 
@@ -107,15 +135,20 @@ pub(super) fn check_absence(tree: &Node, findings: &mut Findings) {
         let fault = Fault::new(mesh.key.clone(), "mesh", "the recipe covers a mesh and writes nothing").hint(hint);
         findings.push_unless_due_to(&["atlas", "uv_sets", "render"], fault);
     }
+    if let Some(canvas) = tree.entry("canvas")
+        && !["size", "guide", "inpaint", "sources"].iter().any(|key| has(&format!("canvas.{key}")))
+    {
+        let hint = "write its width and height, such as size = [512, 512]".to_string();
+        let fault = Fault::new(canvas.key.clone(), "canvas.size", "[canvas] needs a key `size`").hint(hint);
+        findings.push_unless_due_to(&["canvas.size", "canvas.guide", "canvas.inpaint", "canvas.sources"], fault);
+    }
     if let Some(exemplar) = tree.entry("exemplar") {
-        let names: Vec<&str> = MapFile::ALL.iter().map(|map| map.name()).collect();
-        let is_map = |key: &String| names.contains(&key.as_str()) || key == "frames";
-        if !exemplar.node.table().is_some_and(|table| table.keys().any(is_map)) {
-            let fault = Fault::new(exemplar.key.clone(), "exemplar", "[exemplar] names no map")
-                .hint(format!("name at least one of {}", listing(&names, "`", "and")));
-            let keys: Vec<String> = names.iter().chain(&["frames"]).map(|name| format!("exemplar.{name}")).collect();
-            findings.push_unless_due_to(&keys.iter().map(String::as_str).collect::<Vec<_>>(), fault);
+        if let Some(table) = exemplar.node.table() {
+            check_maps(findings, &exemplar.key, ("exemplar", "[exemplar]"), table);
         }
+        for_each_table(tree, "exemplar.more", |path, table| {
+            check_maps(findings, &tree.locate(path), (path, &format!("`{path}`")), table);
+        });
     }
     for_each_table(tree, "field.singularities", |path, table| {
         if !table.contains_key("kind") && !table.contains_key("index") {
@@ -125,6 +158,18 @@ pub(super) fn check_absence(tree: &Node, findings: &mut Findings) {
             findings.push_unless_due_to(&[&keys[0], &keys[1]], fault);
         }
     });
+}
+
+/// Reports a sample without any map. The frames of a flipbook are one.
+fn check_maps(findings: &mut Findings, at: &At, (path, name): (&str, &str), table: &Table) {
+    let names: Vec<&str> = MapFile::ALL.iter().map(|map| map.name()).collect();
+    let is_map = |key: &String| names.contains(&key.as_str()) || key == "frames";
+    if !table.keys().any(is_map) {
+        let fault = Fault::new(at.clone(), path, format!("{name} names no map"))
+            .hint(format!("name at least one of {}", listing(&names, "`", "and")));
+        let keys: Vec<String> = names.iter().chain(&["frames"]).map(|name| format!("{path}.{name}")).collect();
+        findings.push_unless_due_to(&keys.iter().map(String::as_str).collect::<Vec<_>>(), fault);
+    }
 }
 
 fn exclusion(findings: &mut Findings, a: (&str, &Entry), b: (&str, &Entry), why: &str) {
@@ -140,6 +185,7 @@ fn name(path: &str, entry: &Entry) -> String {
     match &entry.node.value {
         Value::Table(_) if !path.contains(['.', '[']) => format!("[{path}]"),
         Value::Array(_) if path == "render" => format!("[[{path}]]"),
+        Value::Array(_) if path == "exemplar.more" => format!("[[{path}]]"),
         _ => format!("`{path}`"),
     }
 }

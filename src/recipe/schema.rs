@@ -112,9 +112,8 @@ pub struct Mesh {
 /// A flat image instead of a mesh.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-#[schemars(extend("required" = ["size"]))]
 pub struct Canvas {
-    /// Width and height in texels.
+    /// Width and height in texels. May be left out where `guide`, `inpaint` or `sources` says it.
     #[schemars(transform = each(limits::CANVAS_SIDE))]
     pub size: Option<[u32; 2]>,
     /// The output wraps in both directions.
@@ -127,6 +126,20 @@ pub struct Canvas {
     pub looped: bool,
     /// In which order texels are synthesised.
     pub order: CanvasOrder,
+    /// What is wanted where: a picture of the canvas in the colours of the exemplar's `guide`. If the exemplar has none,
+    /// light and dark are followed: any picture of the canvas will do.
+    #[schemars(transform = filled)]
+    pub guide: Option<String>,
+    /// What differences from the guide count against seams. Default: 1.
+    #[schemars(transform = within(limits::GUIDE_WEIGHT))]
+    pub guide_weight: Option<f64>,
+    /// A picture of the first sample's size, white where texture is to be filled in. The canvas is that sample, which
+    /// stays as it is elsewhere.
+    #[schemars(transform = filled)]
+    pub inpaint: Option<String>,
+    /// Source coordinates of a synthesis, as `debug` writes them: it is applied again, to these maps. Nothing is analysed.
+    #[schemars(transform = filled)]
+    pub sources: Option<String>,
     /// Side of the kernel, in texels, by which patches are blended where `blend` of `[synthesis]` is "linear".
     #[schemars(extend("enum" = [3, 5]))]
     pub blend_kernel: u32,
@@ -150,6 +163,10 @@ impl Default for Canvas {
             frames: None,
             looped: false,
             order: CanvasOrder::Hilbert,
+            guide: None,
+            guide_weight: None,
+            inpaint: None,
+            sources: None,
             blend_kernel: 3,
             maps: None,
             format: Formats::default(),
@@ -199,6 +216,15 @@ pub struct Exemplar {
     /// Black and white: where the features are. Weighs in the analysis and steers the morph; never an output.
     #[schemars(transform = filled)]
     pub feature_mask: Option<String>,
+    /// White where texels may be copied from, black where not. Those are still looked at. Default: all may.
+    #[schemars(transform = filled)]
+    pub mask: Option<String>,
+    /// What is where on the sample, in the colours of the canvas' `guide`.
+    #[schemars(transform = filled)]
+    pub guide: Option<String>,
+    /// Further samples with the same maps, of any size: the output is mixed of all.
+    #[schemars(length(max = limits::SAMPLES))]
+    pub more: Vec<Sample>,
     /// The sample itself wraps in both directions: it has no borders.
     pub tileable: bool,
     /// Weight of each map in the similarity of texels. Default: 1 for base_color, height and feature_mask.
@@ -220,8 +246,75 @@ impl Default for Exemplar {
             orm: None,
             emissive: None,
             feature_mask: None,
+            mask: None,
+            guide: None,
+            more: Vec::new(),
             tileable: false,
             importance: None,
+        }
+    }
+}
+
+/// Maps of a further sample, all the same size; the same ones as those of `[exemplar]`.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Sample {
+    /// Colour: sRGB, in EXR linear.
+    #[schemars(transform = filled)]
+    pub base_color: Option<String>,
+    /// Tangent-space normals.
+    #[schemars(transform = filled)]
+    pub normal: Option<String>,
+    /// Which way the green channel of `normal` points: "up" is OpenGL, "down" DirectX.
+    pub normal_y: NormalY,
+    /// Roughness, linear, one channel.
+    #[schemars(transform = filled)]
+    pub roughness: Option<String>,
+    /// Metalness, linear, one channel.
+    #[schemars(transform = filled)]
+    pub metallic: Option<String>,
+    /// Ambient occlusion, linear, one channel.
+    #[schemars(transform = filled)]
+    pub occlusion: Option<String>,
+    /// Height, linear, one channel.
+    #[schemars(transform = filled)]
+    pub height: Option<String>,
+    /// Opacity, linear, one channel.
+    #[schemars(transform = filled)]
+    pub opacity: Option<String>,
+    /// Occlusion, roughness and metalness packed into red, green and blue.
+    #[schemars(transform = filled)]
+    pub orm: Option<String>,
+    /// Light given off: sRGB, in EXR linear.
+    #[schemars(transform = filled)]
+    pub emissive: Option<String>,
+    /// Black and white: where the features are.
+    #[schemars(transform = filled)]
+    pub feature_mask: Option<String>,
+    /// White where texels may be copied from, black where not. Those are still looked at. Default: all may.
+    #[schemars(transform = filled)]
+    pub mask: Option<String>,
+    /// What is where on the sample, in the colours of the canvas' `guide`.
+    #[schemars(transform = filled)]
+    pub guide: Option<String>,
+}
+
+impl Default for Sample {
+    fn default() -> Self {
+        Sample {
+            base_color: None,
+            normal: None,
+            normal_y: NormalY::Up,
+            roughness: None,
+            metallic: None,
+            occlusion: None,
+            height: None,
+            opacity: None,
+            orm: None,
+            emissive: None,
+            feature_mask: None,
+            mask: None,
+            guide: None,
         }
     }
 }

@@ -180,12 +180,14 @@ fn a_canvas_is_a_recipe_too() {
     assert_eq!(
         recipe.target,
         Target::Canvas(Canvas {
-            width: 512,
-            height: 256,
+            size: Some([512, 256]),
             tileable: true,
             frames: None,
             looped: false,
             order: CanvasOrder::Serpentine,
+            guide: None,
+            inpaint: None,
+            sources: None,
             blend_kernel: BlendSize::Five,
             maps: vec![
                 MapOutput { map: MapFile::Height, format: ImageFormat::Png16 },
@@ -646,3 +648,4 @@ fn the_schema_has_every_key_that_recipes_use() {
 }
 
 mod any_input;
+mod control;

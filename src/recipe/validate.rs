@@ -5,8 +5,8 @@
 //! Out: a [`Recipe`]; it is only valid if no fault was found on the way.
 
 use super::fault::{Fault, Findings, Source, listing, printable};
-use super::frame_pattern::FramePattern;
 use super::limits;
+use super::samples;
 use super::schema;
 use super::tree::Node;
 use super::values::*;
@@ -26,7 +26,7 @@ pub(super) struct Context<'a> {
 }
 
 impl Context<'_> {
-    fn fault(&self, key: &str, message: impl Into<String>) -> Fault {
+    pub fn fault(&self, key: &str, message: impl Into<String>) -> Fault {
         Fault::new(self.tree.locate(key), key, message)
     }
 
@@ -36,7 +36,7 @@ impl Context<'_> {
         self.findings.push(fault.found(value).allowed(allowed));
     }
 
-    fn is_own(&self, key: &str) -> bool {
+    pub fn is_own(&self, key: &str) -> bool {
         self.tree.locate(key).source == self.tree.at.source
     }
 
@@ -159,51 +159,42 @@ fn exemplar_of(from: schema::Exemplar, context: &mut Context) -> Exemplar {
         orm,
         emissive,
         feature_mask,
+        mask,
+        guide,
+        more,
         tileable,
         importance,
     } = from;
-    let is_flipbook = frames.is_some();
-    let named = [
-        (MapFile::BaseColor, frames.or(base_color)),
-        (MapFile::Normal, normal),
-        (MapFile::Roughness, roughness),
-        (MapFile::Metallic, metallic),
-        (MapFile::Occlusion, occlusion),
-        (MapFile::Height, height),
-        (MapFile::Opacity, opacity),
-        (MapFile::Orm, orm),
-        (MapFile::Emissive, emissive),
-    ];
-    let mut maps = Vec::new();
-    for (map, written) in named {
-        if let Some(written) = written {
-            let key = if is_flipbook && map == MapFile::BaseColor { "frames" } else { map.name() };
-            let file = context.file(&format!("exemplar.{key}"), written);
-            let frames = if is_flipbook { pattern_of(&file, context) } else { None };
-            maps.push(ExemplarMap { map, file, frames });
-        }
-    }
-    let feature_mask = feature_mask.map(|written| context.file("exemplar.feature_mask", written));
-    let mut kinds: Vec<MapKind> = maps.iter().flat_map(|m| m.map.kinds().iter().copied()).collect();
-    kinds.extend(feature_mask.as_ref().map(|_| MapKind::FeatureMask));
-    kinds.sort_unstable();
+    let first = schema::Sample {
+        base_color,
+        normal,
+        normal_y,
+        roughness,
+        metallic,
+        occlusion,
+        height,
+        opacity,
+        orm,
+        emissive,
+        feature_mask,
+        mask,
+        guide,
+    };
+    let first = samples::sample_of("exemplar", first, frames, context);
+    let number = |(i, sample)| samples::sample_of(&format!("exemplar.more[{i}]"), sample, None, context);
+    let more: Vec<Sample> = more.into_iter().enumerate().map(number).collect();
+    samples::check_alike(&first, &more, context);
+    let kinds = first.kinds();
     let importance = match importance {
         Some(weights) => importance_of(weights, &kinds, context),
         None => default_importance(&kinds),
     };
-    Exemplar { maps, feature_mask, tileable, normal_y, importance }
-}
-
-/// The pattern that the last part of a path must be.
-fn pattern_of(file: &FileRef, context: &mut Context) -> Option<FramePattern> {
-    let name = file.path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-    FramePattern::parse(name)
-        .map_err(|why| {
-            let fault = context.fault(&file.key, format!("the file name of `{}` {why}", file.key));
-            let allowed = "one `%d`, or `%04d` for four digits, such as \"smoke_%04d.png\"";
-            context.findings.push(fault.found(printable(&file.written)).allowed(allowed));
-        })
-        .ok()
+    if tileable && !more.is_empty() {
+        let fault = context.fault("exemplar.tileable", "an exemplar that wraps is one sample, and here are more");
+        context.findings.push(fault.hint("remove `tileable` or [[exemplar.more]]".to_string()));
+    }
+    let Sample { maps, feature_mask, normal_y, mask, guide } = first;
+    Exemplar { maps, feature_mask, tileable, normal_y, mask, guide, more, importance }
 }
 
 /// The maps that say most about what goes where; where there is none of them, all.
@@ -355,7 +346,25 @@ fn direction(key: &str, up: Option<[f64; 3]>, context: &mut Context) -> Vec3 {
 }
 
 fn canvas_of(from: schema::Canvas, exemplar: &Exemplar, context: &mut Context) -> Canvas {
-    let schema::Canvas { size, tileable, frames, looped, order, blend_kernel, maps, format, compression, debug } = from;
+    let schema::Canvas {
+        size,
+        tileable,
+        frames,
+        looped,
+        order,
+        guide,
+        guide_weight,
+        inpaint,
+        sources,
+        blend_kernel,
+        maps,
+        format,
+        compression,
+        debug,
+    } = from;
+    let guide = samples::guide_of(guide, guide_weight, exemplar, context);
+    let inpaint = inpaint.map(|written| context.file("canvas.inpaint", written));
+    let sources = sources.map(|written| context.file("canvas.sources", written));
     let [width, height] = size.unwrap_or([1, 1]);
     let area = u64::from(width) * u64::from(height);
     let is_flipbook = exemplar.maps.iter().any(|map| map.file.key == "exemplar.frames");
@@ -380,7 +389,7 @@ fn canvas_of(from: schema::Canvas, exemplar: &Exemplar, context: &mut Context) -
     let blend_kernel = if blend_kernel == 5 { BlendSize::Five } else { BlendSize::Three };
     refuse_twice("canvas.debug", &debug.iter().map(|picture| picture.name()).collect::<Vec<_>>(), context);
     let maps = outputs_of("canvas", maps, format, exemplar, context);
-    Canvas { width, height, tileable, frames, looped, order, blend_kernel, maps, compression, debug }
+    Canvas { size, tileable, frames, looped, order, guide, inpaint, sources, blend_kernel, maps, compression, debug }
 }
 
 fn atlas_of(from: schema::Atlas, exemplar: &Exemplar, context: &mut Context) -> Atlas {

@@ -53,7 +53,7 @@ pub struct FileRef {
     pub place: String,
 }
 
-/// Maps of one sample.
+/// Maps of one sample, or of several with the same maps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exemplar {
     /// The files of the maps, or their patterns, in the order of [`MapFile`], at least one. No map is in two files.
@@ -64,8 +64,49 @@ pub struct Exemplar {
     pub tileable: bool,
     /// Which way the normal map's green channel points.
     pub normal_y: NormalY,
+    /// White where texels may be copied from; canvases only.
+    pub mask: Option<FileRef>,
+    /// What is where, in the colours of the canvas' guide; all samples have one or none.
+    pub guide: Option<FileRef>,
+    /// Further samples; canvases only.
+    pub more: Vec<Sample>,
     /// Weight of each map in the similarity, all positive, in the order of [`MapKind`]; maps left out weigh nothing.
     pub importance: Vec<(MapKind, f64)>,
+}
+
+/// A sample of several.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sample {
+    /// The files of the maps in the order of [`MapFile`], at least one. No map is in two files.
+    pub maps: Vec<ExemplarMap>,
+    /// Black and white: where the features are.
+    pub feature_mask: Option<FileRef>,
+    /// Which way the normal map's green channel points.
+    pub normal_y: NormalY,
+    /// White where texels may be copied from.
+    pub mask: Option<FileRef>,
+    /// What is where, in the colours of the canvas' guide.
+    pub guide: Option<FileRef>,
+}
+
+impl Exemplar {
+    /// All samples, at least one.
+    pub fn samples(&self) -> Vec<Sample> {
+        let Exemplar { maps, feature_mask, tileable: _, normal_y, mask, guide, more, importance: _ } = self.clone();
+        let mut samples = vec![Sample { maps, feature_mask, normal_y, mask, guide }];
+        samples.extend(more);
+        samples
+    }
+}
+
+impl Sample {
+    /// The maps that its files say it holds, in order; an alpha channel may add one.
+    pub fn kinds(&self) -> Vec<MapKind> {
+        let mut kinds: Vec<MapKind> = self.maps.iter().flat_map(|m| m.map.kinds()).copied().collect();
+        kinds.extend(self.feature_mask.as_ref().map(|_| MapKind::FeatureMask));
+        kinds.sort_unstable();
+        kinds
+    }
 }
 
 /// A map of the sample.
@@ -112,10 +153,8 @@ pub struct Synthesis {
 /// A flat image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Canvas {
-    /// Texels per row.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
+    /// Texels per row and rows; `None`: those of the guide, of the picture to fill or of the sources.
+    pub size: Option<[u32; 2]>,
     /// The output wraps in both directions.
     pub tileable: bool,
     /// Frames to make of a flipbook; `None`: as many as the exemplar has.
@@ -124,6 +163,12 @@ pub struct Canvas {
     pub looped: bool,
     /// In which order texels are synthesised.
     pub order: CanvasOrder,
+    /// What is wanted where.
+    pub guide: Option<CanvasGuide>,
+    /// White where the first sample is to be filled in.
+    pub inpaint: Option<FileRef>,
+    /// Sources to apply again; then there is no guide and nothing to fill in.
+    pub sources: Option<FileRef>,
     /// Kernel by which patches are blended, if they are.
     pub blend_kernel: BlendSize,
     /// The maps to write, at least one.
@@ -141,6 +186,15 @@ pub enum BlendSize {
     Three,
     /// 5 x 5 texels.
     Five,
+}
+
+/// What is wanted where on a canvas.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CanvasGuide {
+    /// A picture of the canvas.
+    pub file: FileRef,
+    /// What differences count against seams.
+    pub weight: f64,
 }
 
 /// A map to write.

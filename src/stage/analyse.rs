@@ -1,13 +1,17 @@
 //! Step: analyse the exemplar into a jump map (\[ZG02\] section 2).
 
 use crate::build::{Inputs, Step, StepError, Visitor};
-use crate::exemplar::{AnalysisParams, analyse};
+use crate::exemplar::{AnalysisParams, analyse, analyse_sheet};
 use crate::texture::MapSet;
 
-/// Reads the maps.
+use super::sheet::Form;
+
+/// Reads the maps, or a sheet of samples.
 pub(super) struct Analyse {
     pub recipe: String,
     pub params: AnalysisParams,
+    /// True if the input is a sheet.
+    pub stacked: bool,
 }
 
 impl Step for Analyse {
@@ -15,11 +19,17 @@ impl Step for Analyse {
 
     fn describe(&self, v: &mut dyn Visitor) {
         describe(&self.params, v);
+        v.param("sheet", &self.stacked);
     }
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
-        let maps: MapSet = super::read(inputs, 0)?;
-        let (map, _) = analyse(&maps, &self.params)?;
+        let map = if self.stacked {
+            let form = Form { stacked: true, wrap: self.params.wrap };
+            analyse_sheet(form.read(inputs, 0)?.sheet(), &self.params)?.0
+        } else {
+            let maps: MapSet = super::read(inputs, 0)?;
+            analyse(&maps, &self.params)?.0
+        };
         Ok(map.to_bytes())
     }
 }

@@ -6,25 +6,37 @@ use std::io::Cursor;
 use crate::build::{Inputs, Step, StepError, Visitor};
 use crate::exemplar::{AnalysisParams, JumpMap};
 use crate::io::artefact::{Artefact, Damaged, Reader, Writer};
+use crate::io::image_file::{Limits, decode_pixels};
 use crate::io::image_strips::Container;
 use crate::synth::image_canvas::{ImageCanvas, ImageTask};
 use crate::synth::image_copy::BlendKernel;
+use crate::synth::image_order::ImageOrder;
 use crate::synth::image_walk::ImageWalkParams;
-use crate::synth::seam_metric::SeamMetrics;
 use crate::synth::source_map::{ImageCounters, Rect};
 use crate::synth::source_strips::SourceStrips;
-use crate::texture::{MapKind, MapSet};
+use crate::texture::MapKind;
 
+use super::control::{self, Named};
 use super::painting::{Painting, Picture};
+use super::sheet::Form;
 
-/// Reads the jump map and the maps.
+/// Reads the jump map, the maps or the sheet, and if it is guided the guide of the canvas and those of the samples.
 pub(super) struct WalkImage {
     pub recipe: String,
-    pub params: ImageWalkParams,
+    /// `None`: that of the guide or of what is filled in.
+    pub size: Option<[u32; 2]>,
+    pub order: ImageOrder,
+    pub patch: f64,
+    pub seed: u64,
+    pub tileable: bool,
     /// Correction passes; 0 is the published method.
     pub refine: u32,
     /// Weight of each map in the correction's comparisons.
     pub importance: BTreeMap<MapKind, f64>,
+    /// What the second input is.
+    pub samples: Form,
+    /// Set if the canvas is guided.
+    pub guide_weight: Option<f64>,
 }
 
 impl Artefact for SourceStrips {
@@ -58,38 +70,73 @@ impl Artefact for SourceStrips {
 }
 
 impl Step for WalkImage {
-    super::step_identity!("walk image", 3);
+    super::step_identity!("walk image", 4);
 
     fn describe(&self, v: &mut dyn Visitor) {
-        let ImageWalkParams { size, order, patch, seed, tileable } = &self.params;
-        v.param("size", size);
-        v.param("order", order);
-        v.param("patch", patch);
-        v.param("seed", seed);
-        v.param("tileable", tileable);
+        v.param("size", &self.size);
+        v.param("order", &self.order);
+        v.param("patch", &self.patch);
+        v.param("seed", &self.seed);
+        v.param("tileable", &self.tileable);
         v.param("refine", &self.refine);
         v.param("importance", &self.importance);
+        v.param("samples", &self.samples);
+        v.param("guide weight", &self.guide_weight);
     }
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
         let map = JumpMap::from_bytes(&inputs[0])?;
-        let maps: MapSet = super::read(inputs, 1)?;
-        let analysis = AnalysisParams { importance: self.importance.clone(), ..AnalysisParams::default() };
-        let metrics = SeamMetrics::new(&maps, &analysis)?;
+        let stacked = self.samples.read(inputs, 1)?;
+        let files: Vec<Named> = (2..inputs.len()).map(|i| Named::input(inputs, i)).collect();
+        let guide = match (self.guide_weight, files.split_first()) {
+            (Some(weight), Some((target, samples))) => {
+                let canvas = self.size.or(stacked.fills());
+                Some(control::guide(*target, samples, canvas, &stacked, weight)?)
+            }
+            _ => None,
+        };
+        let size = control::canvas_size(self.size, guide.as_ref(), &stacked)?;
+        let &WalkImage { order, patch, seed, tileable, refine, .. } = self;
+        let guide = match guide {
+            None => control::mixed(size, tileable, seed, &stacked)?,
+            some => some,
+        };
+        let (importance, wrap) = (self.importance.clone(), self.samples.wrap);
+        let analysis = AnalysisParams { importance, wrap, ..AnalysisParams::default() };
+        let metrics = stacked.metrics(&analysis)?;
+        let given = stacked.given();
         let task = ImageTask {
             jumps: &map,
             metrics: Some(&metrics),
-            walk: self.params,
-            refine: self.refine,
-            guide: None,
-            given: None,
+            walk: ImageWalkParams { size, order, patch, seed, tileable },
+            refine,
+            guide: guide.as_ref(),
+            given: given.as_deref(),
         };
-        let sources = SourceStrips::synthesise(&mut ImageCanvas::new(task)?, Rect::whole(self.params.size));
-        Ok(sources.to_bytes())
+        Ok(SourceStrips::synthesise(&mut ImageCanvas::new(task)?, Rect::whole(size)).to_bytes())
     }
 }
 
-/// Reads the sources and the maps; gives a file.
+/// Reads stored sources, and the maps or the sheet that they are of.
+pub(super) struct ReadSources {
+    pub recipe: String,
+    pub samples: Form,
+}
+
+impl Step for ReadSources {
+    super::step_identity!("read sources", 1);
+
+    fn describe(&self, v: &mut dyn Visitor) {
+        v.param("samples", &self.samples);
+    }
+
+    fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
+        let stacked = self.samples.read(inputs, 1)?;
+        Ok(SourceStrips::of(&control::sources(Named::input(inputs, 0), &stacked)?).to_bytes())
+    }
+}
+
+/// Reads the sources, the maps or the sheet, and if a sample is filled in the file of the map; gives a file.
 pub(super) struct PaintImage {
     pub recipe: String,
     /// What the picture is called.
@@ -97,6 +144,8 @@ pub(super) struct PaintImage {
     pub picture: Picture,
     pub kernel: BlendKernel,
     pub container: Container,
+    /// What the second input is.
+    pub samples: Form,
 }
 
 impl Step for PaintImage {
@@ -116,14 +165,23 @@ impl Step for PaintImage {
         v.param("picture", &self.picture);
         v.param("kernel", &self.kernel);
         v.param("container", &self.container);
+        v.param("samples", &self.samples);
     }
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
         let sources: SourceStrips = super::read(inputs, 0)?;
-        let maps: MapSet = super::read(inputs, 1)?;
+        let stacked = self.samples.read(inputs, 1)?;
+        let original = inputs.get(2).map(|file| decode_pixels(file, &Limits::default())).transpose()?;
         let mut file = Cursor::new(Vec::new());
-        Painting { sources: &sources, maps: &maps, picture: self.picture, kernel: self.kernel }
-            .write(&mut file, self.container)?;
+        let painting = Painting {
+            sources: &sources,
+            maps: stacked.maps(),
+            picture: self.picture,
+            kernel: self.kernel,
+            bounds: stacked.bounds(),
+            original: original.as_ref(),
+        };
+        painting.write(&mut file, self.container)?;
         Ok(file.into_inner())
     }
 }

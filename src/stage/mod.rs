@@ -4,7 +4,7 @@
 //! a recipe into a graph of them.
 //!
 //! ```text
-//! maps ---> analyse ----------------------.
+//! maps ---> [sheet] ---> analyse ---------.
 //!   |                                     v
 //!   '----> prepare ---> field ---> synthesise ---> rasterise ---> encode, atlas glb, render
 //!            ^                                        ^
@@ -20,6 +20,7 @@
 mod analyse;
 mod canvas;
 pub mod compare;
+pub(crate) mod control;
 mod encode;
 mod field;
 mod flipbook;
@@ -31,6 +32,7 @@ mod prepare;
 mod rasterise;
 mod render;
 mod report;
+pub(crate) mod sheet;
 mod surface;
 mod synthesise;
 mod unwrap;

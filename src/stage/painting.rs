@@ -13,13 +13,14 @@ use std::ops::Range;
 use crate::bake::pack_orm;
 use crate::build::StepError;
 use crate::io::image_quantise::quantise;
+use crate::io::image_restore::restore;
 use crate::io::image_strips::{Container, Shape, StripError, write_image};
 use crate::io::source_file::source_pixels;
 use crate::io::{Pixels, SampleType, Samples};
 use crate::numerics::par;
 use crate::recipe::{CanvasDebug, MapFile, Word};
-use crate::synth::image_copy::{BlendKernel, copy_window};
-use crate::synth::source_map::{Rect, SourceMap};
+use crate::synth::image_copy::{BlendKernel, Bounds, copy_bounded};
+use crate::synth::source_map::{Rect, SourceMap, Surroundings};
 use crate::synth::source_strips::SourceStrips;
 use crate::texture::{MapKind, MapSet, Texture};
 
@@ -45,6 +46,10 @@ pub struct Painting<'a> {
     pub picture: Picture,
     /// How patches are blended in maps.
     pub kernel: BlendKernel,
+    /// What limits blending; `plain` is of the whole canvas, and then so are the sources.
+    pub bounds: Bounds<'a>,
+    /// The file of a map that is filled in: where the canvas is plain, its samples are what is shown.
+    pub original: Option<&'a Pixels>,
 }
 
 impl Painting<'_> {
@@ -73,9 +78,17 @@ impl Painting<'_> {
             Picture::Debug(CanvasDebug::Jumps) => 1,
             Picture::Debug(_) => 0,
         };
+        let plain = self.plain(part, apron);
         let (map, part) = self.sources.window(part, apron)?;
+        let bounds = Bounds { plain: plain.as_deref(), ..self.bounds };
         Ok(match self.picture {
-            Picture::Map(file, depth) => quantise(&self.copied(file, &map, part)?, encoding(file), depth)?,
+            Picture::Map(file, depth) => {
+                let mut image = quantise(&self.copied(file, &map, part, &bounds)?, encoding(file), depth)?;
+                if let (Some(original), Some(plain)) = (self.original, self.bounds.plain) {
+                    restore(&mut image, original, plain, rows.start);
+                }
+                image
+            }
             Picture::Debug(CanvasDebug::Patches) => patches(&map),
             Picture::Debug(CanvasDebug::Sources) => {
                 source_pixels(&SourceMap { tileable: self.sources.tileable, ..map })
@@ -84,10 +97,20 @@ impl Painting<'_> {
         })
     }
 
-    fn copied(&self, file: MapFile, map: &SourceMap, part: Rect) -> Result<Texture, StepError> {
+    /// Which pixels are plain copies, of a part and what is around it.
+    fn plain(&self, part: Rect, apron: u32) -> Option<Vec<bool>> {
+        let plain = self.bounds.plain?;
+        let [w, h] = self.sources.size;
+        assert_eq!(plain.len(), w as usize * h as usize, "plain pixels of another canvas");
+        let Surroundings { origin, size, .. } = part.with_apron(apron, [w, h], self.sources.tileable);
+        let at = |x: u32, y: u32| plain[((origin[1] + y) % h) as usize * w as usize + ((origin[0] + x) % w) as usize];
+        Some((0..size[1]).flat_map(|y| (0..size[0]).map(move |x| at(x, y))).collect())
+    }
+
+    fn copied(&self, file: MapFile, map: &SourceMap, part: Rect, bounds: &Bounds) -> Result<Texture, StepError> {
         let get = |kind: MapKind| {
             let texture = self.maps.get(kind)?;
-            let mut out = copy_window(texture, map, part, self.kernel);
+            let mut out = copy_bounded(texture, map, part, self.kernel, bounds);
             if kind == MapKind::Normal {
                 renormalise(&mut out);
             }
@@ -168,7 +191,8 @@ mod tests {
             (MapKind::Roughness, Texture::from_fn(5, 4, 1, |_, y, out| out[0] = y as f32 / 3.0)),
         ]);
         let sources = SourceStrips::of(&map());
-        Painting { sources: &sources, maps: &maps, picture, kernel }.rows(0..2).unwrap()
+        let bounds = Bounds::default();
+        Painting { sources: &sources, maps: &maps, picture, kernel, bounds, original: None }.rows(0..2).unwrap()
     }
 
     #[test]

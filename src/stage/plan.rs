@@ -16,10 +16,9 @@ use crate::io::image_set::{NormalY, Options, Slot};
 use crate::io::image_strips::Container;
 use crate::io::scene::external_files;
 use crate::recipe::limits::FLIPBOOK_TEXELS;
-use crate::recipe::{self, Canvas, FileRef, ImageFormat, MapFile, MapOutput, MeshBake, Recipe, Target, Word};
+use crate::recipe::{self, Canvas, FileRef, ImageFormat, MapFile, MapOutput, MeshBake, Recipe, Sample, Target, Word};
 use crate::synth::image_copy::BlendKernel;
 use crate::synth::image_order::ImageOrder;
-use crate::synth::image_walk::ImageWalkParams;
 use crate::synth::vertex_walk::VertexWalkParams;
 use crate::synth::volume_copy::VolumeKernel;
 use crate::synth::volume_walk::VolumeWalkParams;
@@ -27,7 +26,7 @@ use crate::texture::{MapKind, Wrap};
 use crate::uvset::Blend;
 
 use super::analyse::Analyse;
-use super::canvas::{PaintImage, WalkImage};
+use super::canvas::{PaintImage, ReadSources, WalkImage};
 use super::encode::Encode;
 use super::field::LayField;
 use super::flipbook::{AnalyseFlipbook, CopyFrame, ReadFlipbook, WalkFlipbook, frame_number};
@@ -38,6 +37,7 @@ use super::prepare::{Prepare, Scale};
 use super::rasterise::{ImageSpec, Rasterise};
 use super::render::RenderView;
 use super::report::{CanvasReport, Report};
+use super::sheet::{Form, Stack};
 use super::surface::{ReadSurface, SceneFiles};
 use super::synthesise::{Order, Synthesise};
 use super::unwrap::{Layout, Unwrap};
@@ -79,13 +79,13 @@ pub fn add(graph: &mut Graph, recipe: &Recipe, out: &Path, disk: &dyn Disk) -> R
         planner.flipbook(canvas, files, frames)?;
         return Ok(planner.planned);
     }
-    let maps = planner.map_files()?;
+    planner.check_files()?;
     match &recipe.target {
         Target::Mesh(bake) => {
             let scene = planner.scene(bake)?;
-            planner.mesh(bake, scene, maps);
+            planner.mesh(bake, scene);
         }
-        Target::Canvas(canvas) => planner.canvas(canvas, maps),
+        Target::Canvas(canvas) => planner.canvas(canvas),
     }
     Ok(planner.planned)
 }
@@ -116,22 +116,28 @@ impl Planner<'_> {
         self.recipe.name.clone()
     }
 
-    /// The exemplar's files, all of which are there.
-    fn map_files(&self) -> Result<Vec<PathBuf>, PlanError> {
-        let exemplar = &self.recipe.exemplar;
-        let files = exemplar.maps.iter().map(|m| &m.file).chain(&exemplar.feature_mask);
-        files
-            .map(|file| match self.disk.stamp(&file.path) {
-                Ok(Some(_)) => Ok(file.path.clone()),
+    /// Checks that the samples' files, and those of a canvas, are there.
+    fn check_files(&self) -> Result<(), PlanError> {
+        let samples = self.recipe.exemplar.samples();
+        let of_sample = |s: &'_ Sample| -> Vec<FileRef> {
+            let optional = [&s.feature_mask, &s.mask, &s.guide];
+            s.maps.iter().map(|m| &m.file).chain(optional.into_iter().flatten()).cloned().collect()
+        };
+        let mut files: Vec<FileRef> = samples.iter().flat_map(of_sample).collect();
+        if let Target::Canvas(Canvas { guide, inpaint, sources, .. }) = &self.recipe.target {
+            files.extend(guide.iter().map(|g| &g.file).chain(inpaint).chain(sources).cloned());
+        }
+        for file in files {
+            let (path, key, place) = (file.path.display(), &file.key, &file.place);
+            match self.disk.stamp(&file.path) {
+                Ok(Some(_)) => {}
                 Ok(None) => {
-                    let (path, key, place) = (file.path.display(), &file.key, &file.place);
-                    Err(PlanError(format!("{path}: there is no such file (named as {key} in {place})")))
+                    return Err(PlanError(format!("{path}: there is no such file (named as {key} in {place})")));
                 }
-                Err(e) => {
-                    Err(PlanError(format!("{}: {e} (named as {} in {})", file.path.display(), file.key, file.place)))
-                }
-            })
-            .collect()
+                Err(e) => return Err(PlanError(format!("{path}: {e} (named as {key} in {place})"))),
+            }
+        }
+        Ok(())
     }
 
     /// The files of a flipbook's frames, map by map, and how many frames there are.
@@ -157,35 +163,37 @@ impl Planner<'_> {
         Ok((files, first.map_or(0, |f| f.count() as u32)))
     }
 
-    /// What the exemplar's files are, in their order.
-    fn slots(&self) -> (Vec<Slot>, Options) {
-        let exemplar = &self.recipe.exemplar;
+    /// What the files of a sample are, in their order.
+    fn slots(sample: &Sample) -> (Vec<Slot>, Options) {
         let slot = |map: MapFile| match map {
             MapFile::Orm => Slot::Orm,
             single => Slot::Map(single.kinds()[0]),
         };
-        let mut slots: Vec<Slot> = exemplar.maps.iter().map(|m| slot(m.map)).collect();
-        if exemplar.feature_mask.is_some() {
+        let mut slots: Vec<Slot> = sample.maps.iter().map(|m| slot(m.map)).collect();
+        if sample.feature_mask.is_some() {
             slots.push(Slot::Map(MapKind::FeatureMask));
         }
-        let normal_y = match exemplar.normal_y {
+        let normal_y = match sample.normal_y {
             recipe::NormalY::Up => NormalY::Up,
             recipe::NormalY::Down => NormalY::Down,
         };
         (slots, Options { normal_y })
     }
 
-    /// Decodes the exemplar's files.
-    fn maps(&mut self, files: Vec<PathBuf>) -> StepId {
-        let (slots, options) = self.slots();
-        let inputs: Vec<InputId> = files.into_iter().map(|f| self.graph.add_file(f)).collect();
+    /// Decodes the files of a sample, counted from 0.
+    fn maps(&mut self, number: usize, sample: &Sample) -> StepId {
+        let (slots, options) = Self::slots(sample);
+        let files = sample.maps.iter().map(|m| &m.file).chain(&sample.feature_mask);
+        let inputs: Vec<InputId> = files.map(|f| self.graph.add_file(&f.path)).collect();
         let recipe = self.name();
+        let recipe = if number == 0 { recipe } else { format!("{recipe}/sample {}", number + 1) };
         self.step(Maps { recipe, slots, options }, &inputs)
     }
 
-    fn analyse(&mut self, maps: StepId) -> StepId {
+    /// Analyses the maps of one sample, or a sheet of several.
+    fn analyse(&mut self, maps: StepId, stacked: bool) -> StepId {
         let (recipe, params) = (self.name(), self.analysis());
-        self.step(Analyse { recipe, params }, &[maps.into()])
+        self.step(Analyse { recipe, params, stacked }, &[maps.into()])
     }
 
     fn analysis(&self) -> AnalysisParams {
@@ -197,58 +205,100 @@ impl Planner<'_> {
     }
 
     /// A flat image.
-    fn canvas(&mut self, canvas: &Canvas, files: Vec<PathBuf>) {
-        let maps = self.maps(files);
-        let analyse = self.analyse(maps);
-        // Frames and a loop are refused where the exemplar is a still.
-        let Canvas {
-            width,
-            height,
-            tileable,
-            frames: _,
-            looped: _,
-            order,
-            blend_kernel,
-            maps: files,
-            compression,
-            debug,
-        } = canvas;
-        let order = image_order(*order);
-        let recipe::Synthesis { seed, patch, refine, blend } = self.recipe.synthesis;
-        let importance: BTreeMap<_, _> = self.recipe.exemplar.importance.iter().copied().collect();
-        let params = ImageWalkParams { size: [*width, *height], order, patch, seed, tileable: *tileable };
-        let walk = WalkImage { recipe: self.name(), params, refine, importance };
-        let walk = self.step(walk, &[analyse.into(), maps.into()]);
-        let kernel = match (blend, blend_kernel) {
+    fn canvas(&mut self, canvas: &Canvas) {
+        let samples = self.recipe.exemplar.samples();
+        let (maps, form) = self.sheet(canvas, &samples);
+        let (walk, analyse) = match &canvas.sources {
+            Some(file) => {
+                let file = self.graph.add_file(&file.path);
+                (self.step(ReadSources { recipe: self.name(), samples: form }, &[file, maps.into()]), None)
+            }
+            None => {
+                let analyse = self.analyse(maps, form.stacked);
+                (self.walk(canvas, &samples, [analyse, maps], form), Some(analyse))
+            }
+        };
+        let kernel = match (self.recipe.synthesis.blend, canvas.blend_kernel) {
             (recipe::Blend::None, _) => BlendKernel::None,
             (_, recipe::BlendSize::Three) => BlendKernel::Three,
             (_, recipe::BlendSize::Five) => BlendKernel::Five,
         };
         let mut paint = |image: &str, picture: Picture, (container, ext): (Container, &str)| {
-            let paint = PaintImage { recipe: self.name(), image: image.to_string(), picture, kernel, container };
-            let file = format!("{}.{image}.{ext}", self.recipe.name);
-            let step = self.step(paint, &[walk.into(), maps.into()]);
+            let original = self.original(canvas, &samples[0], picture);
+            let (recipe, image) = (self.name(), image.to_string());
+            let file = format!("{recipe}.{image}.{ext}");
+            let paint = PaintImage { recipe, image, picture, kernel, container, samples: form };
+            let inputs: Vec<InputId> = [walk.into(), maps.into()].into_iter().chain(original).collect();
+            let step = self.step(paint, &inputs);
             self.output(step, &file);
         };
-        for file in files {
+        for file in &canvas.maps {
             let ImageSpec { file: map, depth } = image_spec(file);
-            paint(map.name(), Picture::Map(map, depth), container(file, *compression));
+            paint(map.name(), Picture::Map(map, depth), container(file, canvas.compression));
         }
-        for picture in debug {
-            let png = Container::Png { transfer: Transfer::Unstated, compression: squeeze(*compression) };
+        for picture in &canvas.debug {
+            let png = Container::Png { transfer: Transfer::Unstated, compression: squeeze(canvas.compression) };
             paint(picture.name(), Picture::Debug(*picture), (png, "png"));
         }
-        let report = self.step(CanvasReport { recipe: self.name() }, &[analyse.into(), walk.into()]);
+        let inputs: Vec<InputId> = [walk].into_iter().chain(analyse).map(InputId::from).collect();
+        let report = self.step(CanvasReport { recipe: self.name() }, &inputs);
         self.output(report, "report.json");
+    }
+
+    /// The file that a map of a sample which is filled in comes from.
+    fn original(&mut self, canvas: &Canvas, sample: &Sample, picture: Picture) -> Option<InputId> {
+        let Picture::Map(map, _) = picture else { return None };
+        // A normal map that is turned over is another picture.
+        if canvas.inpaint.is_none() || (map == MapFile::Normal && sample.normal_y == recipe::NormalY::Down) {
+            return None;
+        }
+        let file = sample.maps.iter().find(|m| m.map == map)?;
+        Some(self.graph.add_file(&file.file.path))
+    }
+
+    /// The samples of a canvas: the maps of a single one, or a sheet of all.
+    fn sheet(&mut self, canvas: &Canvas, samples: &[Sample]) -> (StepId, Form) {
+        let maps: Vec<StepId> = samples.iter().enumerate().map(|(i, s)| self.maps(i, s)).collect();
+        if samples.len() == 1 && samples[0].mask.is_none() && canvas.inpaint.is_none() {
+            return (maps[0], self.form(false));
+        }
+        let masks = samples.iter().map(|s| s.mask.is_some()).collect();
+        let mut inputs: Vec<InputId> = maps.into_iter().map(InputId::from).collect();
+        let files = samples.iter().flat_map(|s| &s.mask).chain(&canvas.inpaint);
+        inputs.extend(files.map(|f| self.graph.add_file(&f.path)));
+        let stack = Stack { recipe: self.name(), masks, inpaint: canvas.inpaint.is_some() };
+        (self.step(stack, &inputs), self.form(true))
+    }
+
+    fn form(&self, stacked: bool) -> Form {
+        Form { stacked, wrap: if self.recipe.exemplar.tileable { Wrap::Repeat } else { Wrap::Clamp } }
+    }
+
+    /// Chooses the sources of a canvas.
+    fn walk(&mut self, canvas: &Canvas, samples: &[Sample], [analyse, maps]: [StepId; 2], form: Form) -> StepId {
+        let order = image_order(canvas.order);
+        let recipe::Synthesis { seed, patch, refine, blend: _ } = self.recipe.synthesis;
+        let importance: BTreeMap<_, _> = self.recipe.exemplar.importance.iter().copied().collect();
+        let (size, tileable) = (canvas.size, canvas.tileable);
+        let guide_weight = canvas.guide.as_ref().map(|g| g.weight);
+        let recipe = self.name();
+        let walk =
+            WalkImage { recipe, size, order, patch, seed, tileable, refine, importance, samples: form, guide_weight };
+        let mut inputs = vec![analyse.into(), maps.into()];
+        if let Some(guide) = &canvas.guide {
+            let files = std::iter::once(&guide.file).chain(samples.iter().flat_map(|s| &s.guide));
+            inputs.extend(files.map(|f| self.graph.add_file(&f.path)));
+        }
+        self.step(walk, &inputs)
     }
 
     /// A flat image in many frames.
     fn flipbook(&mut self, canvas: &Canvas, files: Vec<PathBuf>, exemplar_frames: u32) -> Result<(), PlanError> {
-        // Pictures of the walk and other blend kernels are refused for flipbooks.
-        let Canvas { width, height, tileable, frames, looped, order, blend_kernel: _, maps, compression, debug: _ } =
-            canvas;
+        // What else a canvas may have is refused for flipbooks.
+        let Canvas { size, tileable, frames, looped, order, maps, compression, .. } = canvas;
+        let [width, height] = size.ok_or_else(|| PlanError("a flipbook needs `canvas.size`".into()))?;
         let frames = frames.unwrap_or(exemplar_frames);
-        let texels = u64::from(*width) * u64::from(*height) * u64::from(frames);
+        let texels = u64::from(width) * u64::from(height) * u64::from(frames);
         if texels > FLIPBOOK_TEXELS {
             let path = self.recipe.path.display();
             return Err(PlanError(format!(
@@ -256,14 +306,14 @@ impl Planner<'_> {
                  flipbook may have {FLIPBOOK_TEXELS}; lower `canvas.size` or give `canvas.frames`"
             )));
         }
-        let (slots, options) = self.slots();
+        let (slots, options) = Self::slots(&self.recipe.exemplar.samples()[0]);
         let files: Vec<InputId> = files.into_iter().map(|f| self.graph.add_file(f)).collect();
         let read = self.step(ReadFlipbook { recipe: self.name(), slots, frames: exemplar_frames, options }, &files);
         let analyse = AnalyseFlipbook { recipe: self.name(), params: self.analysis() };
         let analyse = self.step(analyse, &[read.into()]);
         let recipe::Synthesis { seed, patch, refine, blend } = self.recipe.synthesis;
         let importance = self.recipe.exemplar.importance.iter().copied().collect();
-        let (size, order) = ([*width, *height, frames], image_order(*order));
+        let (size, order) = ([width, height, frames], image_order(*order));
         let params = VolumeWalkParams { size, order, patch, seed, tileable: *tileable, looped: *looped };
         let walk = WalkFlipbook { recipe: self.name(), params, refine, importance };
         let walk = self.step(walk, &[analyse.into(), read.into()]);
@@ -317,9 +367,10 @@ impl Planner<'_> {
     }
 
     /// A textured mesh.
-    fn mesh(&mut self, bake: &MeshBake, (scene, files): (SceneFiles, Vec<InputId>), maps: Vec<PathBuf>) {
-        let maps = self.maps(maps);
-        let analyse = self.analyse(maps);
+    fn mesh(&mut self, bake: &MeshBake, (scene, files): (SceneFiles, Vec<InputId>)) {
+        let samples = self.recipe.exemplar.samples();
+        let maps = self.maps(0, &samples[0]);
+        let analyse = self.analyse(maps, false);
         let recipe = self.name();
         let surface = self.step(ReadSurface { recipe: recipe.clone(), scene: scene.clone() }, &files);
         let scale = match bake.scale {

@@ -69,7 +69,7 @@ impl Step for Report {
     }
 }
 
-/// Reads the jump map and the sources of a canvas.
+/// Reads the sources of a canvas, and the jump map if there is one.
 pub(super) struct CanvasReport {
     pub recipe: String,
 }
@@ -82,12 +82,10 @@ impl Step for CanvasReport {
     }
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
-        let map = JumpMap::from_bytes(&inputs[0])?;
-        let SourceStrips { part, tileable, counters, .. } = super::read(inputs, 1)?;
+        let SourceStrips { part, tileable, counters, .. } = super::read(inputs, 0)?;
         let ImageCounters { seeds, jumps, forced_jumps, dead_ends, unshifted_jumps, random_fallbacks } = counters;
-        text(&json!({
+        let mut report = json!({
             "recipe": self.recipe,
-            "exemplar": exemplar(&map),
             "canvas": { "width": part.width, "height": part.height, "tileable": tileable },
             "synthesis": {
                 "walk": {
@@ -99,7 +97,11 @@ impl Step for CanvasReport {
                     "random_fallbacks": random_fallbacks,
                 },
             },
-        }))
+        });
+        if inputs.len() > 1 {
+            report["exemplar"] = exemplar(&JumpMap::from_bytes(&inputs[1])?);
+        }
+        text(&report)
     }
 }
 

@@ -53,13 +53,6 @@ pub enum Error {
         /// Size of the exemplar.
         expected: [u32; 2],
     },
-    /// Guide maps of canvas and exemplar with different channels, or more than four.
-    GuideChannels {
-        /// Channels of the canvas' map.
-        target: u32,
-        /// Channels of the exemplar's.
-        exemplar: u32,
-    },
     /// A guide's map of the canvas of another size than that.
     GuideSize {
         /// Its size in pixels.
@@ -120,11 +113,6 @@ impl fmt::Display for Error {
             Error::TextureSize { found: [w, h], expected: [ew, eh] } => {
                 write!(f, "a texture or jump map of {w} x {h} for an exemplar of {ew} x {eh} texels")
             }
-            Error::GuideChannels { target, exemplar } => write!(
-                f,
-                "a guide of {target} channels for the canvas and {exemplar} for the exemplar: expected as many in both, at \
-                 most 4"
-            ),
             Error::GuideSize { found: [w, h], expected: [ew, eh] } => {
                 write!(f, "a guide of {w} x {h} pixels for a canvas of {ew} x {eh}")
             }

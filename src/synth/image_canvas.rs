@@ -330,6 +330,7 @@ impl<'a> ImageCanvas<'a> {
 mod tests {
     use super::*;
     use crate::exemplar::AnalysisParams;
+    use crate::synth::guide::GuideMap;
     use crate::synth::image_order::ImageOrder;
     use crate::synth::image_walk::walk;
     use crate::synth::testing::{brute_force_map, noise};
@@ -436,8 +437,8 @@ mod tests {
         let metrics = SeamMetrics::new(&MapSet::new(vec![(MapKind::Height, t.clone())]), &AnalysisParams::default());
         let w = World { jumps: brute_force_map(&t, 1, 3, 2.0), metrics: metrics.unwrap() };
         let side = |x: u32, y: u32| (x / 50 + y / 50) % 2;
-        let target = Texture::from_fn(150, 100, 1, |x, y, out| out[0] = side(x, y) as f32);
-        let source = Texture::from_fn(40, 30, 1, |x, _, out| out[0] = (x / 20) as f32);
+        let target = GuideMap::from_fn([150, 100], |x, y| [side(x, y) as u8 * 255; 3]);
+        let source = GuideMap::from_fn([40, 30], |x, _| [(x / 20) as u8 * 255; 3]);
         let guide = Guide::new(target, source, w.jumps.domain(), 1.0).unwrap();
         for refine in [0, 2] {
             let t = ImageTask { guide: Some(&guide), ..task(&w, [150, 100], false, refine) };
@@ -455,9 +456,8 @@ mod tests {
         assert!(fault(task(&w, [0, 5], false, 0)).contains("0 x 5"));
         let t = ImageTask { given: Some(&[]), ..task(&w, [5, 5], false, 0) };
         assert_eq!(fault(t), "0 given sources: expected 25");
-        let full = Texture::from_fn(4, 4, 1, |_, _, out| out[0] = 0.0);
-        let own = Texture::from_fn(24, 20, 1, |_, _, out| out[0] = 0.0);
-        let guide = Guide::new(full, own, w.jumps.domain(), 1.0).unwrap();
+        let map = |size| GuideMap::from_fn(size, |_, _| [0; 3]);
+        let guide = Guide::new(map([4, 4]), map([24, 20]), w.jumps.domain(), 1.0).unwrap();
         let t = ImageTask { guide: Some(&guide), ..task(&w, [5, 5], false, 0) };
         assert_eq!(fault(t), "a guide of 4 x 4 pixels for a canvas of 5 x 5");
     }

@@ -16,7 +16,8 @@
 use super::Error;
 use super::board::Board;
 use super::guide::Guide;
-use super::image_window::{Node, Scene, Scratch, Usage, improve};
+use super::hole_shifts::hole_shifts;
+use super::image_window::{Node, Scene, Scratch, Usage, improve, shifts};
 use super::seam_metric::SeamMetrics;
 use super::source_map::{EMPTY, SourceMap};
 use crate::exemplar::JumpMap;
@@ -28,6 +29,10 @@ const WINDOW: i32 = 16;
 /// Patches of a window that are tried, and new ones on coarse levels. More of either is hardly better.
 const PRESENT: usize = 8;
 const FRESH: usize = 8;
+
+/// Shifts that are tried where a picture is filled in: those of the hole's surroundings, and those by which the picture
+/// repeats itself.
+const SHIFTS: [usize; 2] = [64, 16];
 
 /// The same at a stride of 2; pixel by pixel nothing new is tried, seams only move.
 const FRESH_FINE: usize = 2;
@@ -59,6 +64,12 @@ pub(super) fn refine_board(
     if passes == 0 {
         return;
     }
+    let filled = board.given.is_some();
+    let mut tried = vec![];
+    if let (true, Some(finest)) = (filled, metrics.levels.first()) {
+        tried = hole_shifts(finest, jumps.domain(), board, SHIFTS[0]);
+        tried.extend(shifts(jumps, SHIFTS[1]));
+    }
     for (i, metric) in metrics.levels.iter().enumerate().rev() {
         let stride = 1 << i;
         let (sweeps, fresh) = match i {
@@ -69,7 +80,9 @@ pub(super) fn refine_board(
         let mut level = Level::new(board, stride);
         let known: Vec<[u16; 2]> = level.sources.iter().copied().filter(|s| *s != EMPTY).collect();
         let usage = Usage::new(jumps.domain(), known.into_iter());
-        let mut scene = Scene { jumps, metric, guide, usage, present: PRESENT, fresh };
+        // A hole has no need of all parts of the picture; to use them evenly would only break it up.
+        let usage = if filled { usage.ignored() } else { usage };
+        let mut scene = Scene { jumps, metric, guide, stride, shifts: &tried, usage, present: PRESENT, fresh };
         let mut quiet = 0;
         for sweep in 0..sweeps {
             // Two sweeps without a change, with and without shift: there will be none.

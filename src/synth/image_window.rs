@@ -16,7 +16,7 @@
 
 use super::guide::Guide;
 use super::seam_metric::{Metric, UNIT};
-use crate::exemplar::{Domain, JumpMap};
+use crate::exemplar::{Domain, Jump, JumpMap};
 use crate::numerics::gridcut::{DIRECTIONS, GridCut};
 use crate::texture::Wrap;
 
@@ -60,6 +60,10 @@ pub(super) struct Scene<'a> {
     pub jumps: &'a JumpMap,
     pub metric: &'a Metric,
     pub guide: Option<&'a Guide>,
+    /// Pixels along a node's side. A guide speaks for each pixel, a seam shows along one side: so much more it counts.
+    pub stride: u32,
+    /// Patches that are tried everywhere.
+    pub shifts: &'a [Place],
     pub usage: Usage,
     /// Most patches of the window that are tried.
     pub present: usize,
@@ -229,7 +233,9 @@ impl Window<'_> {
     #[inline(always)]
     fn node_cost(&self, i: usize, texel: u32) -> i32 {
         let guided = match (self.scene.guide, &self.nodes[i]) {
-            (Some(guide), Some(n)) => (guide.cost(n.pixel, self.place(texel)) * UNIT) as i32,
+            (Some(guide), Some(n)) => {
+                (guide.cost(n.pixel, self.place(texel)) * (self.scene.stride as f32 * UNIT)) as i32
+            }
             _ => 0,
         };
         self.scene.usage.cost(texel) + guided
@@ -240,8 +246,8 @@ impl Window<'_> {
         s.votes.clear();
         s.votes.extend((0..self.nodes.len()).filter(|i| self.nodes[*i].is_some()).map(|i| s.offsets[i]));
         let mut out = frequent(&mut s.votes, &[], self.scene.present);
-        let guided = self.scene.guide.is_some();
-        if out.len() < 2 && !guided {
+        let steered = self.scene.guide.is_some() || !self.scene.shifts.is_empty();
+        if out.len() < 2 && !steered {
             return vec![];
         }
         if self.scene.fresh > 0 {
@@ -257,6 +263,8 @@ impl Window<'_> {
             let fresh = frequent(&mut s.votes, &out, self.scene.fresh);
             out.extend(fresh);
         }
+        let shifts = self.scene.shifts.iter().filter(|shift| !out.contains(shift)).copied().collect::<Vec<_>>();
+        out.extend(shifts);
         out
     }
 
@@ -351,6 +359,23 @@ impl Window<'_> {
     }
 }
 
+/// Texels whose jumps [`shifts`] counts, at most.
+const ASKED: usize = 1 << 18;
+
+/// The shifts by which an exemplar repeats itself best: the most frequent offsets of its jumps, at most `count`.
+///
+/// Source: He, Sun: Statistics of patch offsets for image completion (2012).
+pub(super) fn shifts(jumps: &JumpMap, count: usize) -> Vec<Place> {
+    let domain = jumps.domain();
+    let mut votes = Vec::new();
+    // Of large exemplars a part says enough.
+    for [x, y] in domain.texels().step_by(domain.len().div_ceil(ASKED)) {
+        let offset = |j: &Jump| [0, 1].map(|a| i32::from([j.x, j.y][a]) - i32::from([x, y][a]));
+        votes.extend(jumps.row(x.into(), y.into()).iter().map(offset));
+    }
+    frequent(&mut votes, &[], count)
+}
+
 /// The most frequent entries that are not in `but`, at most `count`; ties in an order that is no order of places.
 fn frequent(votes: &mut [Place], but: &[Place], count: usize) -> Vec<Place> {
     votes.sort_unstable();
@@ -400,6 +425,11 @@ impl Usage {
         usage
     }
 
+    /// The same, but no use costs anything.
+    pub fn ignored(self) -> Self {
+        Usage { scale: 0.0, ..self }
+    }
+
     fn cell(&self, [x, y]: [u16; 2]) -> usize {
         (u32::from(y) / self.cell[1] * self.cells + u32::from(x) / self.cell[0]) as usize
     }
@@ -430,6 +460,14 @@ mod tests {
         let mut votes = vec![[1, 1], [2, 2], [1, 1], [3, 3], [2, 2], [1, 1]];
         assert_eq!(frequent(&mut votes, &[], 2), [[1, 1], [2, 2]]);
         assert_eq!(frequent(&mut votes, &[[1, 1]], 9), [[2, 2], [3, 3]]);
+    }
+
+    #[test]
+    fn the_period_of_a_pattern_is_its_best_shift() {
+        let to = |x: u16, y: u16| Jump { x, y, p: 0.5 };
+        let row = |(x, y): (u16, u16)| if x < 9 { vec![to(x + 7, y), to(5, 5)] } else { vec![to(3, y)] };
+        let rows: Vec<Vec<Jump>> = (0..16).flat_map(|y| (0..16).map(move |x| row((x, y)))).collect();
+        assert_eq!(shifts(&JumpMap::from_rows(16, 16, &rows), 1), [[7, 0]]);
     }
 
     #[test]

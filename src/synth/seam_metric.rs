@@ -5,10 +5,11 @@
 //! appearances it does not. Differences count in relation to the local contrast, so that seams are led through busy places.
 //! Unaware of: images, patches, how sources are chosen.
 
+use super::hole_shifts::distances;
 use super::seam::box_mean;
-use crate::exemplar::{AnalysisParams, Appearance, Error, appearance};
+use crate::exemplar::{AnalysisParams, Appearance, Area, Error, Sheet, appearance, appearance_sheet};
 use crate::numerics::par;
-use crate::texture::MapSet;
+use crate::texture::{MapSet, Texture};
 
 /// Numbers that describe a texel's appearance.
 const COMPONENTS: usize = 8;
@@ -44,50 +45,111 @@ pub(super) struct Metric {
     values: Vec<[f32; COMPONENTS]>,
     /// One over the fourth root of the local variance: two of them make a difference relative to the contrast.
     sharpness: Vec<f32>,
+    /// Set where a picture is filled in.
+    rim: Option<Box<Rim>>,
+}
+
+/// What is compared as well near a hole, where neighbourhoods reach into it and say less: single texels.
+#[derive(Clone, Debug)]
+struct Rim {
+    /// True for texels near a hole, one per texel.
+    near: Vec<bool>,
+    texels: Metric,
 }
 
 impl SeamMetrics {
     /// Prepares the metrics of an exemplar. Of `params`, importance and wrap count. Fails as the analysis does.
     pub fn new(maps: &MapSet, params: &AnalysisParams) -> Result<Self, Error> {
-        let size = [maps.width(), maps.height()];
-        let side = size[0].min(size[1]);
-        let count = (1..MAX_LEVELS).take_while(|i| (COARSEST << i) <= side).count() + 1;
+        let [width, height] = [maps.width(), maps.height()];
+        Self::over([width, height], &[Area { y: 0, width, height }], params, |p| appearance(maps, p, COMPONENTS))
+    }
+
+    /// Prepares the metrics of several samples. The levels are those of the largest. Fails as the analysis does.
+    pub fn of_sheet(sheet: &Sheet, params: &AnalysisParams) -> Result<Self, Error> {
+        let size = [sheet.maps().width(), sheet.maps().height()];
+        let appearance = |p: &AnalysisParams| appearance_sheet(sheet, p, COMPONENTS);
+        let mut metrics = Self::over(size, sheet.areas(), params, appearance)?;
+        if sheet.has_holes_filled() {
+            let mut known = vec![true; size[0] as usize * size[1] as usize];
+            for a in sheet.areas() {
+                for (x, y) in (a.y..a.y + a.height).flat_map(|y| (0..a.width).map(move |x| (x, y))) {
+                    known[(y * size[0] + x) as usize] = sheet.domain().contains(x as i32, y as i32);
+                }
+            }
+            for (level, metric) in metrics.levels.iter_mut().enumerate() {
+                let reach = (NEIGHBOURHOOD / 2 + 1) << level;
+                let near = distances(&known, size, reach + 1).into_iter().map(|away| away <= reach).collect();
+                let texels = Metric::new(&appearance(&at_level(level, 1, params))?.features, sheet.areas(), 1 << level);
+                metric.rim = Some(Box::new(Rim { near, texels }));
+            }
+        }
+        Ok(metrics)
+    }
+
+    fn over(
+        size: [u32; 2],
+        areas: &[Area],
+        params: &AnalysisParams,
+        appearance: impl Fn(&AnalysisParams) -> Result<Appearance, Error>,
+    ) -> Result<Self, Error> {
+        let sides = || areas.iter().map(|a| a.width.min(a.height));
+        let (side, large) = (sides().min().unwrap_or(1), sides().max().unwrap_or(1));
+        let count = (1..MAX_LEVELS).take_while(|i| (COARSEST << i) <= large).count() + 1;
         let levels = (0..count)
             .map(|level| {
-                let mut neighbourhoods = vec![1; level.saturating_sub(1)];
-                neighbourhoods.push(NEIGHBOURHOOD.min(side - (1 - side % 2)));
-                let params = AnalysisParams { neighbourhoods, min_distance: Some(1.0), ..params.clone() };
-                let Appearance { features, .. } = appearance(maps, &params, COMPONENTS)?;
-                let channels = features.channels() as usize;
-                Ok(Metric::new(features.data(), channels, size, 1 << level))
+                let whole = NEIGHBOURHOOD.min(side - (1 - side % 2));
+                let Appearance { features, .. } = appearance(&at_level(level, whole, params))?;
+                Ok(Metric::new(&features, areas, 1 << level))
             })
             .collect::<Result<_, Error>>()?;
         Ok(SeamMetrics { size, levels })
     }
 }
 
+/// What to look at for blocks of `2^level` pixels.
+fn at_level(level: usize, neighbourhood: u32, params: &AnalysisParams) -> AnalysisParams {
+    let mut neighbourhoods = vec![1; level.saturating_sub(1)];
+    neighbourhoods.push(neighbourhood);
+    AnalysisParams { neighbourhoods, min_distance: Some(1.0), ..params.clone() }
+}
+
 impl Metric {
-    fn new(features: &[f32], channels: usize, size: [u32; 2], around: usize) -> Self {
-        let mean = box_mean(features, size, channels, around);
-        let squares: Vec<f32> = features.chunks(channels).map(|t| t.iter().map(|v| v * v).sum()).collect();
-        let mean_square = box_mean(&squares, size, 1, around);
-        let spread = |(m, s): (&[f32], &f32)| (s - m.iter().map(|v| v * v).sum::<f32>()).max(0.0);
-        let variance: Vec<f32> = mean.chunks(channels).zip(&mean_square).map(spread).collect();
-        let typical = (variance.iter().map(|v| f64::from(*v)).sum::<f64>() / variance.len() as f64) as f32;
+    fn new(features: &Texture, areas: &[Area], around: usize) -> Self {
+        let (width, channels) = (features.width() as usize, features.channels() as usize);
+        let mut variance = vec![0.0; features.texel_count()];
+        let (mut sum, mut count) = (0.0, 0);
+        for a in areas {
+            let local = local_variance(features, a, around);
+            sum = local.iter().fold(sum, |s, v| s + f64::from(*v));
+            count += local.len();
+            let rows = variance.chunks_exact_mut(width).skip(a.y as usize);
+            rows.zip(local.chunks_exact(a.width as usize)).for_each(|(to, row)| to[..row.len()].copy_from_slice(row));
+        }
+        let typical = (sum / count as f64) as f32;
         let floor = (typical * VARIANCE_FLOOR).max(1e-10);
         let unit = UNIT.sqrt();
         let sharpness = variance.iter().map(|v| unit / (v + floor).sqrt().sqrt()).collect();
         let value = |i: usize| {
             let mut out = [0.0; COMPONENTS];
-            out[..channels].copy_from_slice(&features[i * channels..(i + 1) * channels]);
+            out[..channels].copy_from_slice(&features.data()[i * channels..(i + 1) * channels]);
             out
         };
-        Metric { values: par::map(variance.len(), value), sharpness }
+        Metric { values: par::map(variance.len(), value), sharpness, rim: None }
     }
 
     /// What it costs to see one texel in the other's place; both are indices into the exemplar.
     #[inline(always)]
     pub fn difference(&self, a: u32, b: u32) -> i32 {
+        match &self.rim {
+            Some(rim) if rim.near[a as usize] || rim.near[b as usize] => {
+                (rim.texels.distance(a, b) + self.distance(a, b)) / 2
+            }
+            _ => self.distance(a, b),
+        }
+    }
+
+    #[inline(always)]
+    fn distance(&self, a: u32, b: u32) -> i32 {
         let (x, y) = (&self.values[a as usize], &self.values[b as usize]);
         let mut sums = [0.0f32; 4];
         for i in 0..4 {
@@ -99,11 +161,67 @@ impl Metric {
     }
 }
 
+/// Variance of the texels of a sample, all channels together, within `around` texels to each side.
+fn local_variance(features: &Texture, area: &Area, around: usize) -> Vec<f32> {
+    let channels = features.channels() as usize;
+    let (size, len) = ([area.width, area.height], area.width as usize * channels);
+    let rows = features.data().chunks_exact(features.width() as usize * channels).skip(area.y as usize);
+    let sample: Vec<f32> = rows.take(area.height as usize).flat_map(|row| &row[..len]).copied().collect();
+    let mean = box_mean(&sample, size, channels, around);
+    let squares: Vec<f32> = sample.chunks(channels).map(|t| t.iter().map(|v| v * v).sum()).collect();
+    let mean_square = box_mean(&squares, size, 1, around);
+    let spread = |(m, s): (&[f32], &f32)| (s - m.iter().map(|v| v * v).sum::<f32>()).max(0.0);
+    mean.chunks(channels).zip(&mean_square).map(spread).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::exemplar::Sample;
     use crate::synth::testing::noise;
     use crate::texture::MapKind;
+
+    #[test]
+    fn samples_of_a_sheet_are_measured_each_by_itself() {
+        let maps = |w: u32, h: u32| MapSet::new(vec![(MapKind::Height, noise(w, h))]);
+        let (a, b) = (maps(40, 30), maps(20, 36));
+        let params = AnalysisParams::default();
+        let sheet = |samples: &[&MapSet]| {
+            let samples: Vec<Sample> = samples.iter().map(|maps| Sample { maps, mask: None }).collect();
+            SeamMetrics::of_sheet(&Sheet::new(&samples).unwrap(), &params).unwrap()
+        };
+        let (one, alone) = (sheet(&[&a]), SeamMetrics::new(&a, &params).unwrap());
+        let pairs: Vec<(u32, u32)> = (0..1000).map(|i| (i, (i * 7 + 5) % 1200)).collect();
+        assert!(pairs.iter().all(|(p, q)| one.levels[0].difference(*p, *q) == alone.levels[0].difference(*p, *q)));
+        // Twice the same sample: what a texel and its twin show does not differ.
+        let twice = sheet(&[&b, &a, &b]);
+        let twin = |i: u32| i + 40 * (36 + 1 + 30 + 1);
+        assert_eq!(twice.size, [40, 36 + 1 + 30 + 1 + 36]);
+        for i in (0..36).flat_map(|y| (0..20).map(move |x| y * 40 + x)) {
+            assert_eq!(twice.levels[0].difference(i, twin(i)), 0, "{i}");
+            assert_eq!(twice.levels[0].difference(i, 7), twice.levels[0].difference(twin(i), 7));
+        }
+    }
+
+    #[test]
+    fn near_a_hole_what_is_known_counts_more() {
+        // Flat but for a line; the row above it is the last that is known.
+        let t = Texture::from_fn(60, 40, 1, |_, y, out| {
+            out[0] = if y % 20 == 10 { 0.0 } else { 0.5 + (y % 2) as f32 * 0.01 }
+        });
+        let maps = MapSet::new(vec![(MapKind::Height, t)]);
+        let mask = Texture::from_fn(60, 40, 1, |x, y, out| {
+            out[0] = f32::from(u8::from(!(20..40).contains(&x) || !(10..20).contains(&y)))
+        });
+        let sheet = Sheet::new(&[Sample { maps: &maps, mask: Some(&mask) }]).unwrap();
+        let metrics = SeamMetrics::of_sheet(&sheet.with_holes_filled(), &AnalysisParams::default()).unwrap();
+        let filled = &metrics.levels[0];
+        let [at, twin, line, other] = [9, 29, 30, 25].map(|y| y * 60 + 30);
+        assert!(filled.difference(at, twin) < filled.distance(at, twin));
+        assert!(filled.difference(at, line) > 1000);
+        // Away from the hole, that a line is near is a difference.
+        assert!(filled.difference(other, twin) > 0);
+    }
 
     #[test]
     fn a_level_for_each_size_that_is_small_against_the_exemplar() {

@@ -5,6 +5,7 @@
 mod bark;
 mod ember;
 mod glb;
+mod guides;
 
 mod masonry;
 mod material;
@@ -28,6 +29,7 @@ fn main() -> std::io::Result<()> {
     masonry::bricks().write(&assets.join("bricks"))?;
     masonry::scales().write(&assets.join("scales"))?;
     ember::ember().write(&assets.join("ember"))?;
+    guides::write_all(&assets.join("guides"))?;
     smoke::write(&assets.join("smoke"))?;
     meshes::write_all(&assets.join("meshes"))
 }

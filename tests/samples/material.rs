@@ -154,6 +154,7 @@ fn average(f: &impl Fn(f64, f64) -> Point, x: usize, y: usize) -> Point {
     sum
 }
 
+/// Writes a PNG.
 pub fn write_png(
     path: &Path,
     width: usize,

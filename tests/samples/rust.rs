@@ -9,8 +9,7 @@ pub fn rusted_plate() -> Material {
     let key = Key::new(31).with_str("rust");
     let extra = Extra { metallic: true, packed: true, ..Extra::default() };
     Material::new(256, 256, 4.0, extra, |x, y| {
-        let warp = 6.0 * fractal(key.with(1), x / 14.0, y / 14.0, 3);
-        let field = fractal(key.with(2), (x + warp) / 46.0, (y - warp) / 46.0, 5);
+        let field = wear(key, x, y);
         let crumbs = fractal(key.with(3), x / 5.0, y / 5.0, 3);
         let runs = fractal(key.with(4), x / 4.5, y / 60.0, 3);
         let rust = step(-0.02, 0.05, field + 0.13 * crumbs - 0.08);
@@ -40,6 +39,19 @@ pub fn rusted_plate() -> Material {
             ..Point::default()
         }
     })
+}
+
+/// How far the rust has come, about -0.5 to 0.5.
+fn wear(key: Key, x: f64, y: f64) -> f64 {
+    let warp = 6.0 * fractal(key.with(1), x / 14.0, y / 14.0, 3);
+    fractal(key.with(2), (x + warp) / 46.0, (y - warp) / 46.0, 5)
+}
+
+/// How worn the plate is at its texels, 0..1, row by row: a guide for it.
+pub fn rusted_plate_wear() -> Vec<f64> {
+    let key = Key::new(31).with_str("rust");
+    let at = |i: usize| step(-0.25, 0.25, wear(key, (i % 256) as f64 + 0.5, (i / 256) as f64 + 0.5));
+    (0..256 * 256).map(at).collect()
 }
 
 /// Thin straight scratches: 1 on a scratch.
