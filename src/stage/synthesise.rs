@@ -3,19 +3,19 @@
 use std::collections::BTreeMap;
 
 use crate::build::{Inputs, Step, StepError, Visitor};
-use crate::exemplar::JumpMap;
+use crate::exemplar::{AnalysisParams, JumpMap};
 use crate::field::{self, Field, Symmetry};
 use crate::io::artefact::{Artefact, Damaged, Reader, Writer};
 use crate::mesh::Topology;
 use crate::synth::corner::{Base, corner_sets};
 use crate::synth::rendering_sequence::rendering_sequence;
+use crate::synth::seam_metric::SeamMetrics;
 use crate::synth::vertex_order::region_growing;
 use crate::synth::vertex_refine::refine;
 use crate::synth::vertex_walk::{VertexWalkParams, WalkCounters, walk};
 use crate::texture::{MapKind, MapSet};
 use crate::uvset::{Blend, UvSets};
 
-use super::compare::comparison;
 use super::prepare::Prepared;
 
 /// Order in which the vertices are synthesised.
@@ -61,7 +61,7 @@ impl Artefact for Synthesised {
 }
 
 impl Step for Synthesise {
-    super::step_identity!("synthesise", 1);
+    super::step_identity!("synthesise", 2);
 
     fn describe(&self, v: &mut dyn Visitor) {
         let VertexWalkParams { patch, seed, border_band } = self.walk;
@@ -89,8 +89,9 @@ impl Step for Synthesise {
         let mut walked = walk(&map, &topology, &offsets, &order, &self.walk)?;
         if self.refine > 0 {
             let maps: MapSet = super::read(inputs, 3)?;
-            let compared = comparison(&maps, &self.importance);
-            walked.address = refine(&map, &compared, &topology, &offsets, &walked.address, self.refine)?;
+            let analysis = AnalysisParams { importance: self.importance.clone(), ..AnalysisParams::default() };
+            let metrics = SeamMetrics::new(&maps, &analysis)?;
+            walked.address = refine(&map, &metrics, &topology, &offsets, &walked.address, self.refine)?;
         }
         // A vertex alone decides with `blend = "none"`: one set with a random base vertex ([ZG03] 4.3).
         let base = match self.blend {

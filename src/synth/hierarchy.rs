@@ -105,27 +105,6 @@ impl Graph {
         let parents = (0..self.len()).map(nearest).collect();
         (vertices, parents)
     }
-
-    /// Groups of nodes of which no two are adjacent: greedy colours in order of index.
-    pub fn groups(&self) -> Vec<Vec<u32>> {
-        let mut colours = vec![u32::MAX; self.len()];
-        let mut groups: Vec<Vec<u32>> = vec![];
-        let mut taken = vec![];
-        for v in 0..self.len() {
-            taken.clear();
-            taken.extend(self.edges(v).map(|(w, _)| colours[w]).filter(|c| *c != u32::MAX));
-            taken.sort_unstable();
-            taken.dedup();
-            // The lowest colour that no neighbour has.
-            let colour = taken.iter().zip(0..).position(|(c, i)| *c != i).unwrap_or(taken.len());
-            colours[v] = colour as u32;
-            if groups.len() <= colour {
-                groups.resize(colour + 1, vec![]);
-            }
-            groups[colour].push(v as u32);
-        }
-        groups
-    }
 }
 
 #[cfg(test)]
@@ -170,11 +149,6 @@ mod tests {
             // No two chosen vertices are adjacent.
             for (i, &v) in coarse.vertices.iter().enumerate() {
                 assert!(coarse.vertices[i + 1..].iter().all(|w| t.find(v, *w).is_none()), "{name}");
-            }
-            for group in graph.groups() {
-                for &v in &group {
-                    assert!(graph.edges(v as usize).all(|(w, _)| !group.contains(&(w as u32))), "{name}");
-                }
             }
         }
     }

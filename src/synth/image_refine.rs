@@ -17,9 +17,10 @@ use super::Error;
 use super::board::Board;
 use super::guide::Guide;
 use super::hole_shifts::hole_shifts;
-use super::image_window::{Node, Scene, Scratch, Usage, improve, shifts};
+use super::image_window::{Node, Scene, Scratch, improve, shifts};
 use super::seam_metric::SeamMetrics;
 use super::source_map::{EMPTY, SourceMap};
+use super::usage::Usage;
 use crate::exemplar::JumpMap;
 use crate::numerics::par;
 
@@ -79,7 +80,7 @@ pub(super) fn refine_board(
         };
         let mut level = Level::new(board, stride);
         let known: Vec<[u16; 2]> = level.sources.iter().copied().filter(|s| *s != EMPTY).collect();
-        let usage = Usage::new(jumps.domain(), known.into_iter());
+        let usage = Usage::new(jumps.domain(), metric, known.into_iter());
         // A hole has no need of all parts of the picture; to use them evenly would only break it up.
         let usage = if filled { usage.ignored() } else { usage };
         let mut scene = Scene { jumps, metric, guide, stride, shifts: &tried, usage, present: PRESENT, fresh };

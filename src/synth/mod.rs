@@ -8,6 +8,7 @@
 //! Unaware of: how the jump map or the offsets were made, what the outputs are used for, files.
 
 mod board;
+mod box_mean;
 pub mod corner;
 mod error;
 pub mod guide;
@@ -23,10 +24,12 @@ mod image_window;
 pub mod mixture;
 pub mod rendering_sequence;
 mod room;
-mod seam;
 pub mod seam_metric;
 pub mod source_map;
 pub mod source_strips;
+mod surface_cells;
+mod surface_window;
+mod usage;
 pub mod vertex_order;
 pub mod vertex_refine;
 pub mod vertex_walk;

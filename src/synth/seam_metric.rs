@@ -5,11 +5,11 @@
 //! appearances it does not. Differences count in relation to the local contrast, so that seams are led through busy places.
 //! Unaware of: images, patches, how sources are chosen.
 
+use super::box_mean::box_mean;
 use super::hole_shifts::distances;
-use super::seam::box_mean;
 use crate::exemplar::{AnalysisParams, Appearance, Area, Error, Sheet, appearance, appearance_sheet};
 use crate::numerics::par;
-use crate::texture::{MapSet, Texture};
+use crate::texture::{MapSet, Texel, Texture};
 
 /// Numbers that describe a texel's appearance.
 const COMPONENTS: usize = 8;
@@ -29,8 +29,17 @@ const VARIANCE_FLOOR: f32 = 0.1;
 /// Costs are whole multiples of a thousandth of the typical contrast.
 pub(super) const UNIT: f32 = 1000.0;
 
+/// Addresses are f32: what is this little outside the outer centres, in texels, counts as inside.
+const SLACK: f32 = 1e-2;
+
 /// Largest cost of one difference.
 const MOST: f32 = 50.0 * UNIT;
+
+/// Looks along the leading component of the appearance, and along the second of each.
+const LOOKS_BY: [usize; 2] = [8, 4];
+
+/// Number of looks.
+pub(super) const LOOKS: usize = LOOKS_BY[0] * LOOKS_BY[1];
 
 /// The metrics of all levels of an exemplar; level i is for blocks of 2^i pixels.
 #[derive(Clone, Debug)]
@@ -39,12 +48,21 @@ pub struct SeamMetrics {
     pub(super) levels: Vec<Metric>,
 }
 
+/// What a place between texels looks like.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sample {
+    value: [f32; COMPONENTS],
+    sharpness: f32,
+}
+
 /// Appearances on one level.
 #[derive(Clone, Debug)]
 pub(super) struct Metric {
+    size: [u32; 2],
     values: Vec<[f32; COMPONENTS]>,
     /// One over the fourth root of the local variance: two of them make a difference relative to the contrast.
     sharpness: Vec<f32>,
+    looks: Vec<u8>,
     /// Set where a picture is filled in.
     rim: Option<Box<Rim>>,
 }
@@ -134,7 +152,20 @@ impl Metric {
             out[..channels].copy_from_slice(&features.data()[i * channels..(i + 1) * channels]);
             out
         };
-        Metric { values: par::map(variance.len(), value), sharpness, rim: None }
+        let values = par::map(variance.len(), value);
+        let size = [features.width(), features.height()];
+        Metric { size, looks: looks(&values), values, sharpness, rim: None }
+    }
+
+    /// The metric of texels that look as given, all as busy as each other.
+    #[cfg(test)]
+    pub fn of_values(values: Vec<[f32; COMPONENTS]>, size: [u32; 2]) -> Self {
+        Metric { size, looks: looks(&values), sharpness: vec![1.0; values.len()], values, rim: None }
+    }
+
+    /// Which of [`LOOKS`] groups of like appearance each texel belongs to; all are about as large.
+    pub fn looks(&self) -> &[u8] {
+        &self.looks
     }
 
     /// What it costs to see one texel in the other's place; both are indices into the exemplar.
@@ -150,15 +181,77 @@ impl Metric {
 
     #[inline(always)]
     fn distance(&self, a: u32, b: u32) -> i32 {
-        let (x, y) = (&self.values[a as usize], &self.values[b as usize]);
-        let mut sums = [0.0f32; 4];
-        for i in 0..4 {
-            let (d, e) = (x[i] - y[i], x[i + 4] - y[i + 4]);
-            sums[i] = d * d + e * e;
-        }
-        let distance = ((sums[0] + sums[1]) + (sums[2] + sums[3])).sqrt();
-        (distance * (self.sharpness[a as usize] * self.sharpness[b as usize])).min(MOST) as i32
+        let (a, b) = (a as usize, b as usize);
+        cost(&self.values[a], &self.values[b], self.sharpness[a] * self.sharpness[b])
     }
+
+    /// The look of a place, bilinear; `None` beyond the outer texel centres.
+    pub fn sample(&self, at: Texel) -> Option<Sample> {
+        let [w, h] = self.size;
+        let (x, y) = (at.x - 0.5, at.y - 0.5);
+        let (right, bottom) = ((w - 1) as f32, (h - 1) as f32);
+        let inside = x >= -SLACK && y >= -SLACK && x <= right + SLACK && y <= bottom + SLACK;
+        if !inside {
+            return None;
+        }
+        let (x, y) = (x.clamp(0.0, right), y.clamp(0.0, bottom));
+        let (x0, y0) = ((x as u32).min(w.max(2) - 2), (y as u32).min(h.max(2) - 2));
+        let (tx, ty) = (x - x0 as f32, y - y0 as f32);
+        let (x1, y1) = ((x0 + 1).min(w - 1), (y0 + 1).min(h - 1));
+        let index = |x: u32, y: u32| (y * w + x) as usize;
+        let [a, b, c, d] = [index(x0, y0), index(x1, y0), index(x0, y1), index(x1, y1)];
+        let [p, q, r, s] = [a, b, c, d].map(|i| &self.values[i]);
+        let value = std::array::from_fn(|i| {
+            let top = p[i] + (q[i] - p[i]) * tx;
+            let bottom = r[i] + (s[i] - r[i]) * tx;
+            top + (bottom - top) * ty
+        });
+        let nearest = match (tx < 0.5, ty < 0.5) {
+            (true, true) => a,
+            (false, true) => b,
+            (true, false) => c,
+            (false, false) => d,
+        };
+        Some(Sample { value, sharpness: self.sharpness[nearest] })
+    }
+
+    /// What it costs to see one place in the other's.
+    #[inline(always)]
+    pub fn difference_of(&self, a: &Sample, b: &Sample) -> i32 {
+        cost(&a.value, &b.value, a.sharpness * b.sharpness)
+    }
+}
+
+/// Distance of two appearances in relation to the contrast.
+#[inline(always)]
+fn cost(x: &[f32; COMPONENTS], y: &[f32; COMPONENTS], sharpness: f32) -> i32 {
+    let mut sums = [0.0f32; 4];
+    for i in 0..4 {
+        let (d, e) = (x[i] - y[i], x[i + 4] - y[i + 4]);
+        sums[i] = d * d + e * e;
+    }
+    let distance = ((sums[0] + sums[1]) + (sums[2] + sums[3])).sqrt();
+    (distance * sharpness).min(MOST) as i32
+}
+
+/// Divides texels into groups of equal size by the leading component of their appearance, and each by the second.
+fn looks(values: &[[f32; COMPONENTS]]) -> Vec<u8> {
+    let by =
+        |c: usize| move |a: &u32, b: &u32| values[*a as usize][c].total_cmp(&values[*b as usize][c]).then(a.cmp(b));
+    let mut order: Vec<u32> = (0..values.len() as u32).collect();
+    order.sort_unstable_by(by(0));
+    let mut out = vec![0; values.len()];
+    let part = |n: usize, i: usize, parts: usize| i * n / parts..(i + 1) * n / parts;
+    for i in 0..LOOKS_BY[0] {
+        let some = &mut order[part(values.len(), i, LOOKS_BY[0])];
+        some.sort_unstable_by(by(1));
+        for j in 0..LOOKS_BY[1] {
+            for t in &some[part(some.len(), j, LOOKS_BY[1])] {
+                out[*t as usize] = (i * LOOKS_BY[1] + j) as u8;
+            }
+        }
+    }
+    out
 }
 
 /// Variance of the texels of a sample, all channels together, within `around` texels to each side.

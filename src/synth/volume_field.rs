@@ -2,7 +2,7 @@
 //!
 //! Unaware of: outputs, walks.
 
-use super::seam::{box_mean, square};
+use super::box_mean::box_mean;
 use crate::numerics::par;
 use crate::texture::Texture;
 
@@ -119,6 +119,18 @@ impl Usage {
     pub fn factor(&self, texel: usize) -> f32 {
         (self.counts[usize::from(self.cells[texel])] as f32 * self.scale).max(1.0)
     }
+}
+
+/// Half the squared distance of two samples.
+#[inline(always)]
+fn square(a: &[[f32; 4]], b: &[[f32; 4]]) -> f32 {
+    let mut sums = [0.0; 4];
+    for (a, b) in a.iter().zip(b) {
+        for c in 0..4 {
+            sums[c] += (a[c] - b[c]) * (a[c] - b[c]);
+        }
+    }
+    0.5 * (sums[0] + sums[1] + sums[2] + sums[3])
 }
 
 #[cfg(test)]

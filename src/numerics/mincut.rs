@@ -1,4 +1,4 @@
-//! Minimum cuts of small grids whose nodes have four neighbours.
+//! Minimum cuts of small graphs: grids whose nodes have four neighbours, and any others.
 //!
 //! Source: Boykov, Kolmogorov: An Experimental Comparison of Min-Cut/Max-Flow Algorithms for Energy Minimization in
 //! Vision (2004): two search trees, from the source and from the sink, that are mended after every augmentation. On
@@ -15,15 +15,105 @@ const FREE: u8 = 0;
 const SOURCE: u8 = 1;
 const SINK: u8 = 2;
 
-/// Parents: the node hangs on its terminal, or on nothing. Other values are directions.
-const TERMINAL: u8 = 4;
-const ORPHAN: u8 = 5;
+/// Parents: the node hangs on its terminal, or on nothing. Other values are numbers of arcs.
+const TERMINAL: u8 = 254;
+const ORPHAN: u8 = 255;
+
+/// Most arcs that leave a node.
+pub const MOST_ARCS: usize = 250;
+
+/// How arcs are kept. The arcs that leave a node are numbered; each has an opposite.
+pub trait Layout: Default {
+    /// What a node itself keeps of them.
+    type Arcs: Copy + Default;
+    /// Number of arcs that leave a node.
+    fn count(&self, arcs: &Self::Arcs) -> usize;
+    /// Where an arc leads.
+    fn beside(&self, node: usize, arcs: &Self::Arcs, arc: usize) -> usize;
+    /// The opposite's number at the node where an arc leads.
+    fn back(&self, arcs: &Self::Arcs, arc: usize) -> usize;
+    /// What an arc can still take.
+    fn open(&self, arcs: &Self::Arcs, arc: usize) -> i32;
+    /// Adds to what it can take.
+    fn add(&mut self, arcs: &mut Self::Arcs, arc: usize, capacity: i32);
+}
+
+/// A grid of nodes with four neighbours each.
+#[derive(Default)]
+pub struct Grid {
+    width: usize,
+    /// Index steps of the directions.
+    steps: [isize; 4],
+}
+
+impl Layout for Grid {
+    type Arcs = [i32; 4];
+    #[inline(always)]
+    fn count(&self, _: &[i32; 4]) -> usize {
+        4
+    }
+    #[inline(always)]
+    fn beside(&self, node: usize, _: &[i32; 4], arc: usize) -> usize {
+        node.wrapping_add_signed(self.steps[arc])
+    }
+    #[inline(always)]
+    fn back(&self, _: &[i32; 4], arc: usize) -> usize {
+        3 - arc
+    }
+    #[inline(always)]
+    fn open(&self, arcs: &[i32; 4], arc: usize) -> i32 {
+        arcs[arc]
+    }
+    #[inline(always)]
+    fn add(&mut self, arcs: &mut [i32; 4], arc: usize, capacity: i32) {
+        arcs[arc] += capacity;
+    }
+}
+
+/// Arcs between any nodes.
+#[derive(Default)]
+pub struct Net {
+    arcs: Vec<NetArc>,
+    /// Pairs of nodes and the capacities there and back, until [`GraphCut::connect`] sorts them in.
+    pairs: Vec<([u32; 2], [i32; 2])>,
+}
+
+#[derive(Clone, Copy, Default)]
+struct NetArc {
+    to: u32,
+    back: u32,
+    open: i32,
+}
+
+/// The first of a node's arcs, and the one behind its last.
+impl Layout for Net {
+    type Arcs = [u32; 2];
+    #[inline(always)]
+    fn count(&self, arcs: &[u32; 2]) -> usize {
+        (arcs[1] - arcs[0]) as usize
+    }
+    #[inline(always)]
+    fn beside(&self, _: usize, arcs: &[u32; 2], arc: usize) -> usize {
+        self.arcs[arcs[0] as usize + arc].to as usize
+    }
+    #[inline(always)]
+    fn back(&self, arcs: &[u32; 2], arc: usize) -> usize {
+        self.arcs[arcs[0] as usize + arc].back as usize
+    }
+    #[inline(always)]
+    fn open(&self, arcs: &[u32; 2], arc: usize) -> i32 {
+        self.arcs[arcs[0] as usize + arc].open
+    }
+    #[inline(always)]
+    fn add(&mut self, arcs: &mut [u32; 2], arc: usize, capacity: i32) {
+        self.arcs[arcs[0] as usize + arc].open += capacity;
+    }
+}
 
 /// A node; all that is asked about it lies in one line of the cache (separate lists are a third slower).
 #[derive(Clone, Copy)]
-struct Node {
-    /// Capacity in each direction.
-    arcs: [i32; 4],
+struct Node<A> {
+    arcs: A,
     /// Capacity from the source (positive) or to the sink (negative).
     terminal: i32,
     /// Distance to the terminal and when it was found out.
@@ -33,43 +123,35 @@ struct Node {
     parent: u8,
 }
 
-/// A grid with capacities; used again from cut to cut.
+/// A graph with capacities; used again from cut to cut.
 #[derive(Default)]
-pub struct GridCut {
-    width: usize,
-    nodes: Vec<Node>,
+pub struct Cut<L: Layout> {
+    layout: L,
+    nodes: Vec<Node<L::Arcs>>,
     time: u32,
     active: VecDeque<u32>,
     orphans: Vec<u32>,
-    /// Index steps of the directions.
-    steps: [isize; 4],
 }
+
+/// A grid with capacities.
+pub type GridCut = Cut<Grid>;
+
+/// Any graph with capacities.
+pub type GraphCut = Cut<Net>;
 
 impl GridCut {
     /// Begins a grid of `width` x `height` nodes without capacities. A border of nodes is added around it, so that every
     /// node has four neighbours.
     pub fn reset(&mut self, width: usize, height: usize) {
-        self.width = width + 2;
-        let bare = Node { arcs: [0; 4], terminal: 0, distance: 0, stamp: 0, tree: FREE, parent: ORPHAN };
-        self.nodes.clear();
-        self.nodes.resize(self.width * (height + 2), bare);
-        self.time = 0;
-        self.active.clear();
-        self.orphans.clear();
-        self.steps = DIRECTIONS.map(|[dx, dy]| dx as isize + dy as isize * self.width as isize);
+        self.layout.width = width + 2;
+        self.layout.steps = DIRECTIONS.map(|[dx, dy]| dx as isize + dy as isize * (width as isize + 2));
+        self.clear((width + 2) * (height + 2));
     }
 
     /// Index of the node in column `x` and row `y`.
     #[inline(always)]
     pub fn node(&self, x: usize, y: usize) -> usize {
-        (y + 1) * self.width + x + 1
-    }
-
-    /// Adds to what it costs that a node lies on the sink's side, or, if negative, on the source's.
-    #[inline(always)]
-    pub fn add_terminal(&mut self, node: usize, cost: i32) {
-        let t = &mut self.nodes[node].terminal;
-        *t = t.saturating_add(cost);
+        (y + 1) * self.layout.width + x + 1
     }
 
     /// Adds to the cost of `node` being on the source's side while its neighbour in a direction is on the sink's.
@@ -79,13 +161,97 @@ impl GridCut {
         debug_assert!(cost >= 0, "a capacity of {cost}");
         self.nodes[node].arcs[direction] += cost;
     }
+}
 
-    #[inline(always)]
-    fn beside(&self, node: usize, direction: usize) -> usize {
-        node.wrapping_add_signed(self.steps[direction])
+impl GraphCut {
+    /// Begins a graph of `count` nodes without capacities.
+    pub fn reset(&mut self, count: usize) {
+        self.layout.arcs.clear();
+        self.layout.pairs.clear();
+        self.clear(count);
     }
 
-    /// Cuts; afterwards [`GridCut::is_sink`] tells the sides.
+    /// Adds to the costs of `a` being on the source's side while `b` is on the sink's, and the other way round. Neither
+    /// is negative; each pair of nodes comes once, and a node in no more than [`MOST_ARCS`] pairs.
+    #[inline(always)]
+    pub fn add_pair(&mut self, a: usize, b: usize, costs: [i32; 2]) {
+        debug_assert!(costs[0] >= 0 && costs[1] >= 0 && a != b, "capacities of {costs:?} between {a} and {b}");
+        self.layout.pairs.push(([a as u32, b as u32], costs));
+    }
+
+    /// Sorts the pairs in: to be called once all are added, before [`Cut::cut`].
+    pub fn connect(&mut self) {
+        let Net { arcs, pairs } = &mut self.layout;
+        for ([a, b], _) in pairs.iter() {
+            self.nodes[*a as usize].arcs[1] += 1;
+            self.nodes[*b as usize].arcs[1] += 1;
+        }
+        let mut first = 0;
+        for node in &mut self.nodes {
+            let count = node.arcs[1];
+            debug_assert!(count as usize <= MOST_ARCS, "{count} arcs");
+            node.arcs = [first, first];
+            first += count;
+        }
+        arcs.resize(first as usize, NetArc::default());
+        for ([a, b], [there, back]) in pairs.iter() {
+            let place = |node: &mut Node<[u32; 2]>| {
+                node.arcs[1] += 1;
+                (node.arcs[1] - 1, node.arcs[1] - 1 - node.arcs[0])
+            };
+            let (i, i_number) = place(&mut self.nodes[*a as usize]);
+            let (j, j_number) = place(&mut self.nodes[*b as usize]);
+            arcs[i as usize] = NetArc { to: *b, back: j_number, open: *there };
+            arcs[j as usize] = NetArc { to: *a, back: i_number, open: *back };
+        }
+    }
+}
+
+impl<L: Layout> Cut<L> {
+    fn clear(&mut self, count: usize) {
+        let arcs = L::Arcs::default();
+        self.nodes.clear();
+        self.nodes.resize(count, Node { arcs, terminal: 0, distance: 0, stamp: 0, tree: FREE, parent: ORPHAN });
+        self.time = 0;
+        self.active.clear();
+        self.orphans.clear();
+    }
+
+    /// Adds to what it costs that a node lies on the sink's side, or, if negative, on the source's.
+    #[inline(always)]
+    pub fn add_terminal(&mut self, node: usize, cost: i32) {
+        let t = &mut self.nodes[node].terminal;
+        *t = t.saturating_add(cost);
+    }
+
+    #[inline(always)]
+    fn beside(&self, node: usize, arc: usize) -> usize {
+        self.layout.beside(node, &self.nodes[node].arcs, arc)
+    }
+
+    /// What an arc can still take.
+    #[inline(always)]
+    fn open(&self, node: usize, arc: usize) -> i32 {
+        self.layout.open(&self.nodes[node].arcs, arc)
+    }
+
+    /// The opposite's number, at the node where an arc leads.
+    #[inline(always)]
+    fn back(&self, node: usize, arc: usize) -> usize {
+        self.layout.back(&self.nodes[node].arcs, arc)
+    }
+
+    #[inline(always)]
+    fn add(&mut self, node: usize, arc: usize, capacity: i32) {
+        self.layout.add(&mut self.nodes[node].arcs, arc, capacity);
+    }
+
+    #[inline(always)]
+    fn arcs(&self, node: usize) -> std::ops::Range<usize> {
+        0..self.layout.count(&self.nodes[node].arcs)
+    }
+
+    /// Cuts; afterwards [`Cut::is_sink`] tells the sides.
     pub fn cut(&mut self) {
         self.send_next_door();
         for (i, node) in self.nodes.iter_mut().enumerate() {
@@ -103,9 +269,9 @@ impl GridCut {
                 None => {
                     self.active.pop_front();
                 }
-                Some((from, direction)) => {
+                Some((from, arc)) => {
                     self.time += 1;
-                    self.augment(from, direction);
+                    self.augment(from, arc);
                     self.adopt();
                 }
             }
@@ -119,16 +285,16 @@ impl GridCut {
             if left <= 0 {
                 continue;
             }
-            for direction in 0..4 {
-                let open = self.nodes[node].arcs[direction];
+            for arc in self.arcs(node) {
+                let open = self.open(node, arc);
                 if open == 0 {
                     continue;
                 }
-                let other = self.beside(node, direction);
+                let other = self.beside(node, arc);
                 let flow = left.min(open).min(-self.nodes[other].terminal);
                 if flow > 0 {
-                    self.nodes[node].arcs[direction] -= flow;
-                    self.nodes[other].arcs[3 - direction] += flow;
+                    self.add(other, self.back(node, arc), flow);
+                    self.add(node, arc, -flow);
                     self.nodes[other].terminal += flow;
                     left -= flow;
                 }
@@ -145,21 +311,21 @@ impl GridCut {
     /// Adds the neighbours that a node reaches to its tree; the arc from the source's tree to the sink's if one is met.
     fn grow(&mut self, node: usize) -> Option<(usize, usize)> {
         let Node { arcs, distance, stamp, tree, .. } = self.nodes[node];
-        for (direction, out) in arcs.into_iter().enumerate() {
-            let at = self.beside(node, direction);
+        for arc in 0..self.layout.count(&arcs) {
+            let (at, back) = (self.layout.beside(node, &arcs, arc), self.layout.back(&arcs, arc));
             let other = &mut self.nodes[at];
-            let open = if tree == SOURCE { out } else { other.arcs[3 - direction] };
+            let open = if tree == SOURCE { self.layout.open(&arcs, arc) } else { self.layout.open(&other.arcs, back) };
             if open == 0 {
                 continue;
             }
             if other.tree == FREE {
-                (other.tree, other.parent) = (tree, 3 - direction as u8);
+                (other.tree, other.parent) = (tree, back as u8);
                 (other.distance, other.stamp) = (distance + 1, stamp);
                 self.active.push_back(at as u32);
             } else if other.tree != tree {
-                return Some(if tree == SOURCE { (node, direction) } else { (at, 3 - direction) });
+                return Some(if tree == SOURCE { (node, arc) } else { (at, back) });
             } else if other.stamp <= stamp && other.distance > distance + 1 && other.parent < TERMINAL {
-                other.parent = 3 - direction as u8;
+                other.parent = back as u8;
                 (other.distance, other.stamp) = (distance + 1, stamp);
             }
         }
@@ -167,31 +333,31 @@ impl GridCut {
     }
 
     /// Sends what fits along the path that the arc closes.
-    fn augment(&mut self, from: usize, direction: usize) {
-        let to = self.beside(from, direction);
-        let mut flow = self.nodes[from].arcs[direction];
+    fn augment(&mut self, from: usize, arc: usize) {
+        let (to, back) = (self.beside(from, arc), self.back(from, arc));
+        let mut flow = self.open(from, arc);
         for (start, side) in [(from, SOURCE), (to, SINK)] {
             let mut node = start;
             while self.nodes[node].parent < TERMINAL {
                 let up = self.nodes[node].parent as usize;
                 let above = self.beside(node, up);
-                let open = if side == SOURCE { self.nodes[above].arcs[3 - up] } else { self.nodes[node].arcs[up] };
+                let open = if side == SOURCE { self.open(above, self.back(node, up)) } else { self.open(node, up) };
                 flow = flow.min(open);
                 node = above;
             }
             flow = flow.min(self.nodes[node].terminal.abs());
         }
-        self.nodes[from].arcs[direction] -= flow;
-        self.nodes[to].arcs[3 - direction] += flow;
+        self.add(from, arc, -flow);
+        self.add(to, back, flow);
         for (start, side) in [(from, SOURCE), (to, SINK)] {
             let mut node = start;
             while self.nodes[node].parent < TERMINAL {
                 let up = self.nodes[node].parent as usize;
-                let above = self.beside(node, up);
+                let (above, down) = (self.beside(node, up), self.back(node, up));
                 let along = if side == SOURCE { -flow } else { flow };
-                self.nodes[above].arcs[3 - up] += along;
-                self.nodes[node].arcs[up] -= along;
-                let left = if side == SOURCE { self.nodes[above].arcs[3 - up] } else { self.nodes[node].arcs[up] };
+                self.add(above, down, along);
+                self.add(node, up, -along);
+                let left = if side == SOURCE { self.open(above, down) } else { self.open(node, up) };
                 if left == 0 {
                     self.orphan(node);
                 }
@@ -214,25 +380,24 @@ impl GridCut {
     fn adopt(&mut self) {
         while let Some(node) = self.orphans.pop() {
             let node = node as usize;
-            let Node { tree, arcs, .. } = self.nodes[node];
+            let tree = self.nodes[node].tree;
             let mut best: Option<(u32, usize)> = None;
-            for (direction, out) in arcs.into_iter().enumerate() {
-                let at = self.beside(node, direction);
-                let other = &self.nodes[at];
-                let open = if tree == SOURCE { other.arcs[3 - direction] } else { out };
-                if open == 0 || other.tree != tree {
+            for arc in self.arcs(node) {
+                let at = self.beside(node, arc);
+                let open = if tree == SOURCE { self.open(at, self.back(node, arc)) } else { self.open(node, arc) };
+                if open == 0 || self.nodes[at].tree != tree {
                     continue;
                 }
                 if let Some(distance) = self.origin(at)
                     && best.is_none_or(|b| distance < b.0)
                 {
-                    best = Some((distance, direction));
+                    best = Some((distance, arc));
                 }
             }
             match best {
-                Some((distance, direction)) => {
+                Some((distance, arc)) => {
                     let (time, node) = (self.time, &mut self.nodes[node]);
-                    (node.parent, node.stamp, node.distance) = (direction as u8, time, distance + 1);
+                    (node.parent, node.stamp, node.distance) = (arc as u8, time, distance + 1);
                 }
                 None => self.set_free(node),
             }
@@ -240,18 +405,17 @@ impl GridCut {
     }
 
     fn set_free(&mut self, node: usize) {
-        let Node { tree, arcs, .. } = self.nodes[node];
-        for (direction, out) in arcs.into_iter().enumerate() {
-            let at = self.beside(node, direction);
-            let other = &self.nodes[at];
-            if other.tree != tree {
+        let tree = self.nodes[node].tree;
+        for arc in self.arcs(node) {
+            let (at, back) = (self.beside(node, arc), self.back(node, arc));
+            if self.nodes[at].tree != tree {
                 continue;
             }
-            let open = if tree == SOURCE { other.arcs[3 - direction] } else { out };
+            let open = if tree == SOURCE { self.open(at, back) } else { self.open(node, arc) };
             if open > 0 {
                 self.active.push_back(at as u32);
             }
-            if other.parent == 3 - direction as u8 {
+            if self.nodes[at].parent == back as u8 {
                 self.orphan(at);
             }
         }
@@ -357,6 +521,32 @@ mod tests {
             prop_assert_eq!((ours, sides.iter().filter(|s| **s).count() as u32), best);
             // Used again, it gives the same.
             prop_assert_eq!(solve(&mut cut, size, &terminals, &arcs), sides);
+        }
+
+        #[test]
+        fn any_graph_is_cut_as_the_same_grid(
+            terminals in proptest::collection::vec(-6i32..7, 30),
+            arcs in proptest::collection::vec(0i32..5, 120),
+        ) {
+            let size = [6, 5];
+            let sides = solve(&mut GridCut::default(), size, &terminals, &arcs);
+            let mut cut = GraphCut::default();
+            for _ in 0..2 {
+                cut.reset(30);
+                (0..30).for_each(|i| cut.add_terminal(i, terminals[i]));
+                for (x, y) in (0..5).flat_map(|y| (0..6).map(move |x| (x, y))) {
+                    let i = y * 6 + x;
+                    for (d, j, inside) in [(2, i + 1, x < 5), (3, i + 6, y < 4)] {
+                        if inside {
+                            cut.add_pair(i, j, [arcs[i * 4 + d], arcs[j * 4 + 3 - d]]);
+                        }
+                    }
+                }
+                cut.connect();
+                cut.cut();
+                let ours: Vec<bool> = (0..30).map(|i| cut.is_sink(i)).collect();
+                prop_assert_eq!(&ours, &sides);
+            }
         }
 
         #[test]
