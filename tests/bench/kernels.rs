@@ -144,7 +144,7 @@ fn on_surface(bench: &Bench, name: &str, surface: &Surface, set: &MapSet, scale:
     let vertices = mesh.positions.len() as f64;
     let topology = Topology::new(mesh);
     let normals = mesh.vertex_normals();
-    let orient = || field::orientation(mesh, &topology, &normals, &[], &[], Symmetry::One).expect("a field");
+    let orient = || field::orientation(mesh, &topology, &normals, &[], &[], &[], Symmetry::One).expect("a field");
     bench.run(&format!("{name}: orientation, one core"), vertices / 1e3, "kvertex/s", || par::install(1, orient));
     let up = orient();
     let field = Field { up, scale: vec![scale as f32; mesh.positions.len()] };
