@@ -121,14 +121,16 @@ impl fmt::Display for Error {
                 "{which}: the index is {index}; it must be a multiple of 1/{directions} other than 0 and at most 8, since \
                  the field has {directions} equivalent direction(s)"
             ),
-            Error::Indices { which, count, sum, euler } => write!(
-                f,
-                "the indices of the singularities on a closed surface must sum to its Euler characteristic, here {euler}; \
-                 those of {which} and {} more on the same surface sum to {sum}: add singularities of index {} in all, or \
-                 give a `radius` to those that are to act only nearby",
-                count - 1,
-                *euler as f64 - sum
-            ),
+            Error::Indices { which, count, sum, euler } => {
+                let others = if *count > 1 { format!(" and {} more on it", count - 1) } else { String::new() };
+                let missing = *euler as f64 - sum;
+                write!(
+                    f,
+                    "the indices of the singularities on a closed surface must sum to its Euler characteristic, here \
+                     {euler}; those of {which}{others} sum to {sum}: add singularities of index {missing} in all, or give \
+                     a `radius` to those that are to act only nearby"
+                )
+            }
             Error::Contradiction { first, second, at } => write!(
                 f,
                 "{first} and {second} contradict each other: both act at the vertex {}, and want different things there; \

@@ -421,13 +421,16 @@ mod tests {
         SingularityConstraint { at, kind: SingularityKind::Index(index), radius: None }
     }
 
+    /// Singular points and their indices.
+    type Points = Vec<(Vec3, f64)>;
+
     /// The field and its singular points.
     fn lay(
         m: &TriMesh,
         anchors: &[OrientationConstraint],
         asked: &[SingularityConstraint],
         symmetry: Symmetry,
-    ) -> Result<(Vec<Vec3>, Vec<(Vec3, f64)>), Error> {
+    ) -> Result<(Vec<Vec3>, Points), Error> {
         let (topo, normals) = (Topology::new(m), m.vertex_normals());
         let up = orientation(m, &topo, &normals, anchors, asked, &[], symmetry)?;
         let found = singularities(m, &topo, &normals, &up, symmetry);
