@@ -124,5 +124,6 @@ fn a_rendering_sequence_spares_the_vertex_cache() {
     };
     let (grown, sequence) = (ratio(""), ratio("order = \"rendering-sequence\""));
     println!("acmr {grown:.3}, as a rendering sequence {sequence:.3}");
-    assert!(sequence < 1.1 * grown && sequence < 2.2);
+    // Far from the 0.6 of a mesh that shares its vertices: coordinates that differ split most of them (2.54, 2.31).
+    assert!(sequence < 0.95 * grown, "{sequence} {grown}");
 }
