@@ -139,7 +139,7 @@ mod tests {
         for ways in [1, 2] {
             let look = Strokes::new(&m, &up, ways, &marks);
             let change = |dx: f64, dy: f64| -> f32 {
-                let at = |i: usize| (3.05 + 0.9 * (i as f64 / 99.0), 0.02 * (i % 7) as f64);
+                let at = |i: usize| (3.2 + 0.7 * (i as f64 / 99.0), 0.02 * (i % 7) as f64);
                 (0..100).map(at).map(|(x, y)| (color(&look, x, y)[0] - color(&look, x + dx, y + dy)[0]).abs()).sum()
             };
             assert!(change(0.03, 0.0) > 2.0 * change(0.0, 0.03), "{ways}: smooth along, rough across");

@@ -31,7 +31,7 @@ pub fn face_sequence(mesh: &TriMesh, topology: &Topology) -> Vec<u32> {
 pub fn acmr(faces: &[[u32; 3]], vertices: usize, cache: u64) -> f64 {
     let (mut entered, mut misses) = (vec![None; vertices], 0u64);
     for &v in faces.iter().flatten() {
-        if entered[v as usize].is_none_or(|at| misses - at >= cache) {
+        if entered[v as usize].is_none_or(|at| misses - at > cache) {
             entered[v as usize] = Some(misses);
             misses += 1;
         }

@@ -22,7 +22,7 @@ use super::validate::Semantic;
 use crate::io::SceneError;
 use crate::mesh::{Part, Surface, SynthesisMesh, Topology, TriMesh};
 use crate::numerics::vec::{Vec3, vec3};
-use crate::synth::rendering_sequence::face_sequence;
+use crate::synth::rendering_sequence::{CACHE, acmr, face_sequence};
 use crate::uvset::{Blend, UvSets};
 
 /// Vertices at one point that a corner is compared with: a fan of thousands of corners stays linear.
@@ -402,7 +402,7 @@ impl<'a> Job<'a> {
     }
 }
 
-/// The triangles as a cache likes them, and the vertices by first use.
+/// The triangles as a cache likes them, and the vertices by first use; as they came if that is no better.
 fn for_cache(firsts: &[usize], faces: Vec<[u32; 3]>) -> (Vec<usize>, Vec<[u32; 3]>) {
     const NEW: u32 = u32::MAX;
     let mesh = TriMesh { positions: vec![Vec3::ZERO; firsts.len()], faces };
@@ -415,8 +415,10 @@ fn for_cache(firsts: &[usize], faces: Vec<[u32; 3]>) -> (Vec<usize>, Vec<[u32; 3
         }
         index[v as usize]
     };
-    let faces = sequence.iter().map(|&f| mesh.faces[f as usize].map(&mut renumber)).collect();
-    (used, faces)
+    let faces: Vec<[u32; 3]> = sequence.iter().map(|&f| mesh.faces[f as usize].map(&mut renumber)).collect();
+    // Where nearly every vertex is split there is little to gain, and the order that came may be the better one.
+    let misses = |faces: &[[u32; 3]]| acmr(faces, firsts.len(), CACHE);
+    if misses(&faces) < misses(&mesh.faces) { (used, faces) } else { (firsts.to_vec(), mesh.faces) }
 }
 
 /// For each vertex of a part the lowest one whose attributes are all the same.
