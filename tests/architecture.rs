@@ -20,7 +20,7 @@ const MAY_NAME: &[(&str, &[&str])] = &[
     ("build", &["disk", "numerics"]),
     ("stage", &["data", "exemplar", "field", "synth", "bake", "render", "io", "disk", "recipe", "build"]),
     ("golden", &["data", "io", "disk"]),
-    ("cli", &["data", "recipe", "stage", "build", "golden", "io", "disk", "exemplar", "synth"]),
+    ("cli", &["data", "recipe", "stage", "build", "golden", "io", "disk", "exemplar", "field", "synth"]),
 ];
 
 /// Outside crates and the places (path prefixes below `src`) that may name them.

@@ -188,7 +188,7 @@ fn what_is_asked_for_in_vain_gets_a_sentence() {
     for (flags, said) in [
         ("--size 40x30 --region 30,20,11,5", "--region 30,20,11,5 does not lie in an output of 40 x 30"),
         ("--size 40x16385", "expected 1 to 16384"),
-        ("--size 40x30 --debug patches=e.png", "e.png would overwrite the exemplar"),
+        ("--size 40x30 --debug patches=e.png", "e.png would be overwritten"),
         ("--size 40x30 --debug patches=o.png", "o.png would be written twice"),
         ("--size 40x30 --debug jumps=a.png --debug patches=a.png", "a.png would be written twice"),
     ] {

@@ -316,7 +316,7 @@ pub struct Init {
 /// `kiln inspect`.
 #[derive(Clone, Debug, Args)]
 pub struct Inspect {
-    /// A mesh, a picture, a jump map from the cache or a bake
+    /// A mesh, a picture, a bake, or a jump map or field from the cache
     #[arg(value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub file: PathBuf,
     /// Only what a picture's file says, not what an analysis of it finds

@@ -1,4 +1,4 @@
-//! `kiln inspect`: what is in a mesh, an exemplar or a jump map.
+//! `kiln inspect`: what is in a mesh, an exemplar, a jump map, a field or a bake.
 
 use std::path::Path;
 
@@ -6,12 +6,15 @@ use serde_json::{Value, json};
 
 use crate::disk::{Disk, Real};
 use crate::exemplar::{AnalysisParams, JUMP_MAP_MAGIC, JumpMap, analyse_measured};
+use crate::field::{Laid, Singularity, Symmetry};
+use crate::io::artefact::Artefact;
 use crate::io::image_file::{Format as Picture, Limits, decode_pixels};
 use crate::io::image_set::{Options, Slot, load};
 use crate::io::named;
 use crate::io::scene::Document;
 use crate::mesh::{PrepareParams, Topology, check::census, prepare};
 use crate::numerics::par;
+use crate::synth::rendering_sequence::{CACHE, acmr};
 use crate::texture::{MapKind, Wrap};
 
 use super::args::{Format, Global, Inspect};
@@ -36,6 +39,8 @@ pub(super) fn run(global: &Global, args: &Inspect) -> Result<Done, Stop> {
         facts
     } else if bytes.starts_with(JUMP_MAP_MAGIC) {
         jump_map(path, &bytes)?
+    } else if Laid::is_one(&bytes) {
+        field(path, &bytes)?
     } else {
         scene(path, &bytes)?
     };
@@ -50,7 +55,12 @@ fn line(key: &str, value: &Value) -> String {
         Value::String(s) => s.clone(),
         Value::Array(items) if items.is_empty() => "none".into(),
         Value::Array(items) => {
-            items.iter().map(|i| i.as_str().map_or(i.to_string(), str::to_string)).collect::<Vec<_>>().join(", ")
+            let text = |i: &Value| match i {
+                Value::Object(o) => o.iter().map(|(k, v)| format!("{k} {v}")).collect::<Vec<_>>().join(" "),
+                _ => i.as_str().map_or(i.to_string(), str::to_string),
+            };
+            let between = if items[0].is_object() { format!("\n{:25}", "") } else { ", ".into() };
+            items.iter().map(text).collect::<Vec<_>>().join(&between)
         }
         other => other.to_string(),
     };
@@ -111,6 +121,31 @@ fn jump_map(path: &Path, bytes: &[u8]) -> Result<Value, Stop> {
     Ok(facts)
 }
 
+fn field(path: &Path, bytes: &[u8]) -> Result<Value, Stop> {
+    let laid = Laid::from_bytes(bytes).map_err(|e| Stop::Failed(format!("{}: {e}", path.display())))?;
+    let symmetry = match laid.symmetry {
+        Symmetry::Isotropic => json!("isotropic"),
+        ways => json!(ways.directions()),
+    };
+    let scales = || laid.field.scale.iter().copied();
+    let point = |s: &Singularity| json!({ "index": s.index, "at": s.at.to_f32(), "face": s.face });
+    let mut facts = json!({
+        "file": path.display().to_string(),
+        "kind": "field",
+        "vertices": laid.field.up.len(),
+        "symmetry": symmetry,
+        "least scale": scales().reduce(f32::min),
+        "largest scale": scales().reduce(f32::max),
+        "singular points": laid.singularities.len(),
+        "index sum": laid.singularities.iter().map(|s| s.index).sum::<f64>(),
+        "singularities": laid.singularities.iter().map(point).collect::<Vec<_>>(),
+    });
+    if let Some(euler) = laid.euler {
+        facts["euler characteristic"] = json!(euler);
+    }
+    Ok(facts)
+}
+
 /// Adds the facts of a jump map. Texels are those that may be copied.
 fn jumps(map: &JumpMap, bytes: usize, facts: &mut Value) {
     let counts = || map.domain().texels().map(|[x, y]| map.row(x.into(), y.into()).len());
@@ -132,6 +167,7 @@ fn scene(path: &Path, bytes: &[u8]) -> Result<Value, Stop> {
     let mut resolve = |uri: &str| Real.read(&folder.join(uri), LIMIT).map_err(|e| e.to_string());
     let name = path.display().to_string();
     let document = Document::parse(&name, bytes, &mut resolve).map_err(|e| Stop::Failed(named(&name, &e)))?;
+    let report = Real.read(&folder.join("report.json"), LIMIT).ok();
     let s = document.summary();
     let mut facts = json!({
         "file": name,
@@ -149,12 +185,20 @@ fn scene(path: &Path, bytes: &[u8]) -> Result<Value, Stop> {
         "morph targets": s.morph_targets,
         "extensions": s.extensions,
     });
+    // A bake has a report beside it, which knows the field that its texture follows.
+    let report = report.and_then(|bytes| serde_json::from_slice::<Value>(&bytes).ok()).unwrap_or_default();
+    if let Some(found) = report["field"]["singularities"].as_array() {
+        facts["singular points"] = json!(found.len());
+        facts["singularities"] = json!(found);
+    }
     // The facts of the surface need one that can be textured.
     let Ok(surface) = document.surface(None) else { return Ok(facts) };
     let (low, high) = surface.mesh.bounds();
     facts["bounds"] = json!([low.to_f32(), high.to_f32()]);
     let area: f64 = (0..surface.mesh.faces.len()).map(|f| surface.mesh.area(f)).sum();
     facts["surface area"] = json!(area);
+    // As a cache of vertices sees the file: nothing is welded here.
+    facts["acmr"] = rounded(acmr(&surface.mesh.faces, surface.mesh.positions.len(), CACHE));
     // Welded as a bake would see it; at this scale nothing is subdivided.
     if let Ok(welded) = prepare(&surface, &PrepareParams::new(f64::MIN_POSITIVE, [1024, 1024])) {
         let c = census(&welded.mesh, &Topology::new(&welded.mesh));

@@ -114,7 +114,7 @@ mod tests {
 
     fn default(m: &TriMesh, symmetry: Symmetry) -> (Topology, Vec<Vec3>, Field) {
         let (topo, normals) = (Topology::new(m), m.vertex_normals());
-        let up = orientation(m, &topo, &normals, &[], &[], symmetry).unwrap();
+        let up = orientation(m, &topo, &normals, &[], &[], &[], symmetry).unwrap();
         let scale = (0..up.len()).map(|v| 10.0 + (v % 3) as f32).collect();
         (topo, normals, Field { up, scale })
     }
@@ -210,7 +210,7 @@ mod tests {
             let prepared = start.elapsed();
             let (topo, normals) = (Topology::new(&m), m.vertex_normals());
             let start = Instant::now();
-            let up = orientation(&m, &topo, &normals, &[], &[], Symmetry::One).unwrap();
+            let up = orientation(&m, &topo, &normals, &[], &[], &[], Symmetry::One).unwrap();
             let oriented = start.elapsed();
             let good = |(u, n): (&Vec3, &Vec3)| (u.length() - 1.0).abs() < 1e-12 && u.dot(*n).abs() < 1e-12;
             assert!(up.iter().zip(&normals).all(good), "{name}");

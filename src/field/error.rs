@@ -63,12 +63,34 @@ pub enum Error {
     },
     /// The mean scale is not a positive number that single precision holds.
     Scale(f64),
-    /// A singularity of given index.
-    IndexNotYet {
+    /// The index of a singularity is none that the field can have.
+    Index {
         /// The constraint.
         which: Which,
         /// Its index.
         index: f64,
+        /// Directions that are equivalent: indices are multiples of its inverse.
+        directions: u32,
+    },
+    /// The indices on a closed surface do not sum to its Euler characteristic.
+    Indices {
+        /// The first singularity on it.
+        which: Which,
+        /// Number of singularities on it.
+        count: usize,
+        /// Sum of their indices.
+        sum: f64,
+        /// The Euler characteristic.
+        euler: i64,
+    },
+    /// Two constraints want different things at one vertex.
+    Contradiction {
+        /// The earlier.
+        first: Which,
+        /// The later.
+        second: Which,
+        /// The vertex that both act at.
+        at: Vec3,
     },
 }
 
@@ -94,9 +116,26 @@ impl fmt::Display for Error {
                 write!(f, "{which}: the factor is {factor}; it must be in 0.001..=1000")
             }
             Error::Scale(s) => write!(f, "the scale is {s} texels per unit; it must be in 1e-30..=1e30"),
-            Error::IndexNotYet { which, index } => write!(
+            Error::Index { which, index, directions } => write!(
                 f,
-                "{which}: index = {index} is not supported yet; use kind = \"source\", \"sink\" or \"vortex\""
+                "{which}: the index is {index}; it must be a multiple of 1/{directions} other than 0 and at most 8, since \
+                 the field has {directions} equivalent direction(s)"
+            ),
+            Error::Indices { which, count, sum, euler } => {
+                let others = if *count > 1 { format!(" and {} more on it", count - 1) } else { String::new() };
+                let missing = *euler as f64 - sum;
+                write!(
+                    f,
+                    "the indices of the singularities on a closed surface must sum to its Euler characteristic, here \
+                     {euler}; those of {which}{others} sum to {sum}: add singularities of index {missing} in all, or give \
+                     a `radius` to those that are to act only nearby"
+                )
+            }
+            Error::Contradiction { first, second, at } => write!(
+                f,
+                "{first} and {second} contradict each other: both act at the vertex {}, and want different things there; \
+                 move one of them or leave it out",
+                v(at)
             ),
         }
     }

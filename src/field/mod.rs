@@ -6,20 +6,23 @@
 
 use crate::numerics::vec::Vec3;
 
+mod align;
 mod edge_offset;
 mod error;
 mod orientation;
+mod prescribe;
 mod relax;
 mod scalar;
 mod singularity;
 mod site;
 mod tangent;
 
+pub use align::Alignment;
 pub use edge_offset::{edge_offsets, validity_boxes};
 pub use error::{Error, Which};
 pub use orientation::{OrientationConstraint, SingularityConstraint, SingularityKind, orientation};
 pub use scalar::{ScalarConstraint, interpolate, scale};
-pub use singularity::singularities;
+pub use singularity::{Singularity, singular_points, singularities};
 
 /// The orientation and scale of the sample at each vertex (`[ZG03]` section 3).
 #[derive(Clone, Debug, PartialEq)]
@@ -28,6 +31,20 @@ pub struct Field {
     pub up: Vec<Vec3>,
     /// Texels per world unit at each vertex, positive.
     pub scale: Vec<f32>,
+}
+
+/// A finished field and what is worth knowing of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Laid {
+    /// Per vertex.
+    pub field: Field,
+    /// After which turns the sample looks the same.
+    pub symmetry: Symmetry,
+    /// Where the orientation has no direction.
+    pub singularities: Vec<Singularity>,
+    /// The mesh's Euler characteristic if all its edges have two faces that agree on the outside: what the indices of the
+    /// singularities sum to.
+    pub euler: Option<i64>,
 }
 
 /// After which turns the sample looks the same.
@@ -39,8 +56,9 @@ pub enum Symmetry {
     Two,
     /// A quarter turn.
     Four,
-    /// Any. Treated as [`Symmetry::One`]: `[ZG03]` 3 assigns random directions, but then the offsets of neighbouring
-    /// edges disagree and the sample is torn; a smooth field costs little and tears nothing.
+    /// Any. One direction counts, as for [`Symmetry::One`], but nobody's wishes: the default, evened out over a few rings
+    /// without solving anything. `[ZG03]` 3 assigns random directions, but then the offsets of neighbouring edges
+    /// disagree and the sample is torn.
     Isotropic,
 }
 

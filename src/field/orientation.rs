@@ -12,7 +12,12 @@
 //! has no radius follows its anchors alone, and the default only where their influence has died away.
 //! Unaware of: textures, scale.
 
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::align::{Alignment, crosses, towards};
+use super::prescribe::{Asked, Ground, Shape, shapes};
 use super::relax::{Coupling, Guide, Pin, cotangent_weights, disc, relax};
+use super::singularity::turning_areas;
 use super::tangent::{Frame, frames, transports};
 use super::{Error, Symmetry, Which, site};
 use crate::mesh::{Topology, TriMesh, check};
@@ -27,6 +32,13 @@ const GUIDE_LENGTH: f64 = 0.1;
 const GUIDE_UNDER_ANCHORS: f64 = 1e-5;
 /// `up` must leave the normal by at least this (sine of the angle).
 const LEAST_TANGENT: f64 = 1e-3;
+
+/// Two constraints at one vertex whose directions differ by more than this contradict each other.
+const SAME_DEG: f64 = 5.0;
+/// Rounds of averaging over the 1-ring where nothing is solved.
+const EVENING: usize = 12;
+/// Largest index of a singularity.
+const MOST_TURNS: f64 = 8.0;
 
 /// An anchor: "up" of the sample at a point of the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,11 +60,23 @@ pub enum SingularityKind {
     Sink,
     /// Up runs around it, counter-clockwise seen from outside.
     Vortex,
-    /// A singularity of this index: not supported yet.
+    /// Up turns so many times around it, counter-clockwise: a multiple of one over the symmetry's directions, not 0, at
+    /// most 8 either way. Which way it points is left open.
     Index(f64),
 }
 
-/// A singular point of the field: holds a small disc around a vertex (at least its 1-ring), not the vertex itself.
+impl SingularityKind {
+    /// Turns of up around it.
+    pub fn index(self) -> f64 {
+        match self {
+            SingularityKind::Index(index) => index,
+            _ => 1.0,
+        }
+    }
+}
+
+/// A singular point of the field. With a direction (all but [`SingularityKind::Index`]) it holds a small disc around a
+/// vertex (at least its 1-ring), not the vertex itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SingularityConstraint {
     /// Sits at the point of the surface nearest to this.
@@ -66,54 +90,310 @@ pub struct SingularityConstraint {
 /// The orientation field: a unit vector per vertex, perpendicular to its normal.
 ///
 /// `normals` are the unit normals of the vertices. Where constraints meet, singularities give way to anchors and
-/// earlier ones to later ones; those with radius come after all without. For n-fold symmetry each vector is one of n
-/// equivalent ones, that nearest to the default. Panics if `normals` or `topo` are not the mesh's.
+/// earlier ones to later ones; those with radius come after all without. Two that want different things at one vertex,
+/// both with or both without radius, are an error. Singularities without radius are all that their component gets, if
+/// it is an oriented manifold (`prescribe`); their indices must sum to its Euler characteristic if it is closed. On other
+/// components, and within a radius, they hold their surroundings and what else must be arises where it costs least.
+/// `align` draws the field along or across lines of the surface. For n-fold symmetry each vector is one of n equivalent
+/// ones, that nearest to the default. For [`Symmetry::Isotropic`] constraints are checked and then not used. Panics if
+/// `normals` or `topo` are not the mesh's.
 pub fn orientation(
     mesh: &TriMesh,
     topo: &Topology,
     normals: &[Vec3],
     anchors: &[OrientationConstraint],
     singularities: &[SingularityConstraint],
+    align: &[Alignment],
     symmetry: Symmetry,
 ) -> Result<Vec<Vec3>, Error> {
     assert_eq!((normals.len(), topo.vertex_count()), (mesh.positions.len(), mesh.positions.len()));
     let n = symmetry.directions();
-    let frames = frames(normals);
-    let carry = transports(mesh, topo, normals, &frames);
-    let coupling =
-        Coupling { weights: cotangent_weights(mesh, topo), transport: par::map(carry.len(), |h| carry[h].power(n)) };
+    let base = Base::new(mesh, topo, normals, n);
     let sites = sites(mesh, anchors, singularities)?;
-    let mut pins = vec![];
-    let rings = singularities.iter().zip(&sites);
-    for (i, (s, site)) in rings.enumerate() {
-        pins.push(ring(mesh, topo, normals, &frames, n, Which { list: "singularity", index: i }, s, site)?);
+    let asked = asked(singularities, &sites, n)?;
+    let (shapes, sides) = shapes(mesh, topo, (&base.labels, base.components), &asked)?;
+    let pins = base.pins(anchors, singularities, &sites, &shapes)?;
+    let z = if symmetry == Symmetry::Isotropic {
+        base.evened()
+    } else {
+        let mut z = base.relaxed(&pins, &shapes, None);
+        let crosses = (!align.is_empty()).then(|| crosses(mesh, topo, &base.frames, align, &base.lengths()));
+        if let Some(crosses) = &crosses {
+            z = base.relaxed(&pins, &shapes, Some((crosses, &z)));
+        }
+        if !asked.is_empty() {
+            let plain = Coupling {
+                weights: base.coupling.weights.clone(),
+                transport: vec![Complex::ONE; topo.half_edge_count()],
+            };
+            let areas = turning_areas(mesh, topo, normals);
+            let (sides, coupling) = (&sides, &base.coupling);
+            let ground = Ground { mesh, topo, sides, coupling, plain: &plain, areas: &areas, n };
+            base.prescribe(&ground, &asked, &shapes, &pins, crosses.as_deref(), &mut z);
+            // Areas of given radius once more, now within what surrounds them.
+            base.relax_areas(&pins, crosses.as_deref(), &mut z);
+        }
+        z
+    };
+    Ok(base.vectors(&z))
+}
+
+/// Each singularity's index is one that the field can have; those without radius.
+fn asked(singularities: &[SingularityConstraint], sites: &[site::Site], n: u32) -> Result<Vec<Asked>, Error> {
+    let mut asked = vec![];
+    for (i, (s, site)) in singularities.iter().zip(sites).enumerate() {
+        let (which, index) = (Which { list: "singularity", index: i }, s.kind.index());
+        let turns = index * f64::from(n);
+        if !(turns == turns.round() && turns != 0.0 && index.abs() <= MOST_TURNS) {
+            return Err(Error::Index { which, index, directions: n });
+        }
+        if site.radius.is_none() {
+            asked.push(Asked { which, vertex: site.vertex, face: site.face, index });
+        }
     }
-    for (i, (a, site)) in anchors.iter().zip(&sites[singularities.len()..]).enumerate() {
-        let which = Which { list: "orientation", index: i };
-        let up = tangential(which, a.up, normals[site.vertex as usize])?;
-        pins.push(disc(mesh, topo, &coupling, site, frames[site.vertex as usize].complex(up).power(n)));
+    Ok(asked)
+}
+
+/// What every stage needs: bases, couplings, components, the default.
+struct Base<'a> {
+    mesh: &'a TriMesh,
+    topo: &'a Topology,
+    normals: &'a [Vec3],
+    n: u32,
+    frames: Vec<Frame>,
+    /// Transports are n-th powers.
+    coupling: Coupling,
+    labels: Vec<u32>,
+    components: usize,
+    /// Of each component.
+    diagonals: Vec<f64>,
+    /// Third of the area of each vertex's faces.
+    areas: Vec<f64>,
+    defaults: Vec<[(f64, Vec3); 2]>,
+}
+
+impl<'a> Base<'a> {
+    fn new(mesh: &'a TriMesh, topo: &'a Topology, normals: &'a [Vec3], n: u32) -> Self {
+        let frames = frames(normals);
+        let carry = transports(mesh, topo, normals, &frames);
+        let transport = par::map(carry.len(), |h| carry[h].power(n));
+        let coupling = Coupling { weights: cotangent_weights(mesh, topo), transport };
+        let (labels, components) = check::components(topo);
+        let mut areas = vec![0.0; mesh.positions.len()];
+        for (f, face) in mesh.faces.iter().enumerate() {
+            let third = mesh.area(f) / 3.0;
+            face.iter().for_each(|&v| areas[v as usize] += third);
+        }
+        let diagonals = diagonals(mesh, &labels, components);
+        let defaults = par::map(normals.len(), |v| default_up(normals[v]));
+        Base { mesh, topo, normals, n, frames, coupling, labels, components, diagonals, areas, defaults }
     }
 
-    let defaults = par::map(normals.len(), |v| default_up(normals[v]));
-    let weights = guide_weights(mesh, topo, &pins);
-    let guide = |which: usize| {
-        par::map(normals.len(), |v| {
-            let pull = defaults[v].iter().map(|&(w, t)| power_of(&frames[v], t, n) * w);
-            let w = weights[v][which];
-            let total = defaults[v].iter().map(|d| d.0).sum::<f64>();
-            Guide { weight: total * w, pull: pull.fold(Complex::ZERO, |s, p| s + p) * w }
+    /// The vertices that each constraint holds.
+    fn pins(
+        &self,
+        anchors: &[OrientationConstraint],
+        singularities: &[SingularityConstraint],
+        sites: &[site::Site],
+        shapes: &[Shape],
+    ) -> Result<Vec<Pin>, Error> {
+        let mut pins = vec![];
+        // What each vertex was asked for first: by whom, with a radius or not, which direction.
+        let mut wishes: BTreeMap<(u32, bool), (Which, Option<Complex>)> = BTreeMap::new();
+        let mut wish = |site: &site::Site, which: Which, direction: Option<Complex>| {
+            let (first, before) = *wishes.entry((site.vertex, site.radius.is_some())).or_insert((which, direction));
+            let same = match (before, direction) {
+                (Some(a), Some(b)) => {
+                    let off = a.conj() * b;
+                    det::atan2(off.im, off.re).abs() <= f64::from(self.n) * SAME_DEG.to_radians()
+                }
+                _ => first == which,
+            };
+            let at = self.mesh.positions[site.vertex as usize];
+            if same { Ok(()) } else { Err(Error::Contradiction { first, second: which, at }) }
+        };
+        for (i, (s, site)) in singularities.iter().zip(sites).enumerate() {
+            wish(site, Which { list: "singularity", index: i }, None)?;
+            let laid = site.radius.is_none()
+                && matches!(shapes[self.labels[site.vertex as usize] as usize], Shape::Closed(_) | Shape::Open);
+            let free = laid && matches!(s.kind, SingularityKind::Index(_));
+            pins.push(if free { Pin { site: *site, held: vec![] } } else { self.ring(s.kind, site) });
+        }
+        for (i, (a, site)) in anchors.iter().zip(&sites[singularities.len()..]).enumerate() {
+            let (which, v) = (Which { list: "orientation", index: i }, site.vertex as usize);
+            let up = tangential(which, a.up, self.normals[v])?;
+            let value = self.frames[v].complex(up).power(self.n);
+            wish(site, which, Some(value))?;
+            pins.push(disc(self.mesh, self.topo, &self.coupling, site, value));
+        }
+        Ok(pins)
+    }
+
+    /// What lies around a singularity (its disc, at least a ring), held at what its kind says. Rings too near to show that
+    /// many turns are left open: of the 6 r or so vertices of ring r each may turn by less than half a period.
+    fn ring(&self, kind: SingularityKind, site: &site::Site) -> Pin {
+        let (mesh, centre) = (self.mesh, site.vertex as usize);
+        let rings = (kind.index().abs() * f64::from(self.n) / 1.5).ceil() as usize;
+        let (mut open, mut last) = (BTreeSet::from([site.vertex]), BTreeSet::from([site.vertex]));
+        for _ in 0..rings {
+            open.extend(&last);
+            let next = last.iter().flat_map(|&v| self.topo.neighbours(v)).copied().filter(|v| !open.contains(v));
+            last = next.collect();
+        }
+        let mut around = last;
+        // What is held nearby only would hardly be seen if it held a point: half of its area is its own.
+        let held_to = site.radius.map_or(site.disc, |r| r * 0.5);
+        around.extend(site::reach(mesh, self.topo, site.vertex, held_to).iter().map(|r| r.vertex));
+        let mut held = vec![];
+        for v in around.into_iter().filter(|v| !open.contains(v)) {
+            let i = v as usize;
+            let away = mesh.positions[i] - mesh.positions[centre];
+            // A vertex straight above the point says nothing.
+            let Some(out) = self.frames[i].complex(away).unit() else { continue };
+            let value = match kind {
+                SingularityKind::Source => out.power(self.n),
+                SingularityKind::Sink => (-out).power(self.n),
+                SingularityKind::Vortex => self.frames[i].complex(self.normals[i].cross(away)).power(self.n),
+                SingularityKind::Index(index) => {
+                    // Outwards turns once; the rest is the angle around the centre.
+                    let Some(angle) = self.frames[centre].complex(away).unit() else { continue };
+                    let more = ((index - 1.0) * f64::from(self.n)).round();
+                    let angle = if more < 0.0 { angle.conj() } else { angle };
+                    let turn = if more == 0.0 { Complex::ONE } else { angle.power(more.abs() as u32) };
+                    out.power(self.n) * turn
+                }
+            };
+            held.push((v, value.unit().unwrap_or(Complex::ONE)));
+        }
+        Pin { site: *site, held }
+    }
+
+    /// Up to which length the default and alignment compete with smoothness, per vertex.
+    fn lengths(&self) -> Vec<f64> {
+        self.labels.iter().map(|&l| GUIDE_LENGTH * self.diagonals[l as usize]).collect()
+    }
+
+    /// The default's pull at a vertex, as strong as it lies in the surface, and its weight.
+    fn pull(&self, v: usize) -> (f64, Complex) {
+        let pull = self.defaults[v].iter().map(|&(w, t)| power_of(&self.frames[v], t, self.n) * w);
+        (self.defaults[v].iter().map(|d| d.0).sum(), pull.fold(Complex::ZERO, |s, p| s + p))
+    }
+
+    /// The default where a whole component follows it, and the weak one under anchors.
+    fn guides(&self, pins: &[Pin]) -> [Vec<Guide>; 2] {
+        let mut anchored = vec![false; self.components];
+        pins.iter()
+            .filter(|p| p.site.radius.is_none() && !p.held.is_empty())
+            .for_each(|p| anchored[self.labels[p.site.vertex as usize] as usize] = true);
+        let both = par::map(self.normals.len(), |v| {
+            let l = self.labels[v] as usize;
+            let per_area = self.areas[v] / (self.diagonals[l] * self.diagonals[l]).max(f64::MIN_POSITIVE);
+            let under = GUIDE_UNDER_ANCHORS * per_area;
+            let (total, pull) = self.pull(v);
+            let guide = |w: f64| Guide { weight: total * w, pull: pull * w };
+            [guide(if anchored[l] { under } else { per_area / (GUIDE_LENGTH * GUIDE_LENGTH) }), guide(under)]
+        });
+        [0, 1].map(|k| both.iter().map(|g| g[k]).collect())
+    }
+
+    /// The smoothest field that pins and the default allow; drawn to crosses, of their arms those nearest to a field.
+    /// Components of which all singularities are given stay zero, but for the pins.
+    fn relaxed(&self, pins: &[Pin], shapes: &[Shape], drawn: Option<(&[Complex], &[Complex])>) -> Vec<Complex> {
+        let free = |v: usize| !matches!(shapes[self.labels[v] as usize], Shape::Closed(_) | Shape::Open);
+        let free: Vec<bool> = (0..self.normals.len()).map(free).collect();
+        let mut z = vec![Complex::ZERO; self.normals.len()];
+        if let Some((crosses, near)) = drawn {
+            z.copy_from_slice(near);
+            self.relax_all(pins, &free, Some(crosses), &mut z);
+        } else {
+            self.relax_all(pins, &free, None, &mut z);
+        }
+        z
+    }
+
+    fn relax_all(&self, pins: &[Pin], free: &[bool], crosses: Option<&[Complex]>, z: &mut [Complex]) {
+        let mut guides = self.guides(pins);
+        if let Some(crosses) = crosses {
+            for (v, cross) in crosses.iter().enumerate() {
+                let now = z[v].unit().unwrap_or(self.pull(v).1);
+                let more = towards(*cross, self.n, now);
+                for g in &mut guides {
+                    g[v].weight += more.weight;
+                    g[v].pull += more.pull;
+                }
+            }
+        }
+        relax(self.mesh, self.topo, &self.coupling, pins, free, [&guides[0], &guides[1]], z);
+    }
+
+    /// Relaxes the areas of the pins with a radius again, all else held.
+    fn relax_areas(&self, pins: &[Pin], crosses: Option<&[Complex]>, z: &mut [Complex]) {
+        if pins.iter().any(|p| p.site.radius.is_some()) {
+            self.relax_all(pins, &vec![false; z.len()], crosses, z);
+        }
+    }
+
+    /// Lays the components of which all singularities are given.
+    fn prescribe(
+        &self,
+        ground: &Ground<'_>,
+        asked: &[Asked],
+        shapes: &[Shape],
+        pins: &[Pin],
+        crosses: Option<&[Complex]>,
+        z: &mut [Complex],
+    ) {
+        let turns = ground.turns(asked);
+        let mut done = vec![false; self.components];
+        for root in 0..z.len() as u32 {
+            let l = self.labels[root as usize] as usize;
+            let laid = matches!(shapes[l], Shape::Closed(_) | Shape::Open);
+            if !laid || std::mem::replace(&mut done[l], true) {
+                continue;
+            }
+            let everywhere = |p: &&Pin| p.site.radius.is_none() && self.labels[p.site.vertex as usize] as usize == l;
+            let here: Vec<&Pin> = pins.iter().filter(everywhere).collect();
+            let pull = |v: u32| self.pull(v as usize).1 * self.areas[v as usize];
+            let steer = crosses.map(|c| {
+                move |v: u32, now: Complex| {
+                    let g = towards(c[v as usize], self.n, now);
+                    (g.weight, g.pull)
+                }
+            });
+            let steer = steer.as_ref().map(|s| s as &dyn Fn(u32, Complex) -> (f64, Complex));
+            ground.lay((root, shapes[l]), &turns, &here, pull, steer, z);
+        }
+    }
+
+    /// The default, evened out over a few rings.
+    fn evened(&self) -> Vec<Complex> {
+        let pulls = par::map(self.normals.len(), |v| self.pull(v));
+        let mut z: Vec<Complex> = pulls.iter().map(|p| p.1).collect();
+        for _ in 0..EVENING {
+            z = par::map(z.len(), |v| {
+                let row = self.topo.half_edges(v as u32);
+                let (mut sum, mut weight) = (z[v], 1.0);
+                for h in row {
+                    let w = self.coupling.weights[h];
+                    sum += self.coupling.transport[h].conj() * z[self.topo.target(h) as usize] * w;
+                    weight += w;
+                }
+                sum * (1.0 / weight)
+            });
+        }
+        z
+    }
+
+    /// Unit vectors of n-th powers, of the equivalent ones those nearest to the default.
+    fn vectors(&self, z: &[Complex]) -> Vec<Vec3> {
+        par::map(z.len(), |v| {
+            // Where smoothness cancels all: the default, or any direction.
+            let power = z[v].unit().or(self.pull(v).1.unit()).unwrap_or(Complex::ONE);
+            let preferred = self.defaults[v].iter().fold(Vec3::ZERO, |s, &(w, t)| s + t * w);
+            let up = self.frames[v].vector(root(power, self.n, self.frames[v].complex(preferred)));
+            up.normalized().unwrap_or(up)
         })
-    };
-    let guides = [guide(0), guide(1)];
-    let mut z = vec![Complex::ZERO; normals.len()];
-    relax(mesh, topo, &coupling, &pins, &vec![true; normals.len()], [&guides[0], &guides[1]], &mut z);
-    Ok(par::map(normals.len(), |v| {
-        // Where smoothness cancels all: the default, or any direction.
-        let power = z[v].unit().or(guides[0][v].pull.unit()).unwrap_or(Complex::ONE);
-        let preferred = defaults[v].iter().fold(Vec3::ZERO, |s, &(w, t)| s + t * w);
-        let up = frames[v].vector(root(power, n, frames[v].complex(preferred)));
-        up.normalized().unwrap_or(up)
-    }))
+    }
 }
 
 /// Sites of the singularities, then of the anchors.
@@ -144,40 +424,6 @@ fn tangential(which: Which, up: Vec3, normal: Vec3) -> Result<Vec3, Error> {
         return Err(Error::UpIsNormal { which, up, normal });
     }
     part.normalized().ok_or(Error::UpIsNormal { which, up, normal })
-}
-
-/// What lies around a singularity (its disc, at least its 1-ring), held at what its kind says.
-#[allow(clippy::too_many_arguments)]
-fn ring(
-    mesh: &TriMesh,
-    topo: &Topology,
-    normals: &[Vec3],
-    frames: &[Frame],
-    n: u32,
-    which: Which,
-    s: &SingularityConstraint,
-    site: &site::Site,
-) -> Result<Pin, Error> {
-    let mut around: Vec<u32> = site::reach(mesh, topo, site.vertex, site.disc).iter().map(|r| r.vertex).collect();
-    around.extend(topo.neighbours(site.vertex));
-    around.sort_unstable();
-    around.dedup();
-    let mut held = vec![];
-    for v in around.into_iter().filter(|&v| v != site.vertex) {
-        let i = v as usize;
-        let away = mesh.positions[i] - mesh.positions[site.vertex as usize];
-        let direction = match s.kind {
-            SingularityKind::Source => away,
-            SingularityKind::Sink => -away,
-            SingularityKind::Vortex => normals[i].cross(away),
-            SingularityKind::Index(index) => return Err(Error::IndexNotYet { which, index }),
-        };
-        // A vertex straight above the point says nothing.
-        if let Some(z) = frames[i].complex(direction).unit() {
-            held.push((v, z.power(n)));
-        }
-    }
-    Ok(Pin { site: *site, held })
 }
 
 /// The default's pulls (strength 0..=1, unit tangent): world up, and on floors and ceilings what continues the front.
@@ -212,34 +458,15 @@ fn root(power: Complex, n: u32, preferred: Complex) -> Complex {
     best
 }
 
-/// Weight of the default at each vertex: in the relaxation of everything, and in that of one area.
-fn guide_weights(mesh: &TriMesh, topo: &Topology, pins: &[Pin]) -> Vec<[f64; 2]> {
-    let (labels, count) = check::components(topo);
+/// Diagonal of the bounding box of each component.
+fn diagonals(mesh: &TriMesh, labels: &[u32], count: usize) -> Vec<f64> {
     let mut bounds = vec![None; count];
     for (v, p) in mesh.positions.iter().enumerate() {
         let (low, high): &mut (Vec3, Vec3) = bounds[labels[v] as usize].get_or_insert((*p, *p));
         *low = vec3(low.x.min(p.x), low.y.min(p.y), low.z.min(p.z));
         *high = vec3(high.x.max(p.x), high.y.max(p.y), high.z.max(p.z));
     }
-    let diagonal = |b: &Option<(Vec3, Vec3)>| b.map_or(0.0, |(low, high)| (high - low).length());
-    let diagonals: Vec<f64> = bounds.iter().map(diagonal).collect();
-    let mut anchored = vec![false; count];
-    pins.iter()
-        .filter(|p| p.site.radius.is_none() && !p.held.is_empty())
-        .for_each(|p| anchored[labels[p.site.vertex as usize] as usize] = true);
-
-    let mut area = vec![0.0; mesh.positions.len()];
-    for (f, face) in mesh.faces.iter().enumerate() {
-        let third = mesh.area(f) / 3.0;
-        face.iter().for_each(|&v| area[v as usize] += third);
-    }
-    let weights = |v: usize| {
-        let component = labels[v] as usize;
-        let per_area = area[v] / (diagonals[component] * diagonals[component]).max(f64::MIN_POSITIVE);
-        let under = GUIDE_UNDER_ANCHORS * per_area;
-        [if anchored[component] { under } else { per_area / (GUIDE_LENGTH * GUIDE_LENGTH) }, under]
-    };
-    par::map(mesh.positions.len(), weights)
+    bounds.iter().map(|b| b.map_or(0.0, |(low, high)| (high - low).length())).collect()
 }
 
 #[cfg(test)]
@@ -249,7 +476,7 @@ mod tests {
     use crate::mesh::zoo;
 
     fn default(m: &TriMesh, symmetry: Symmetry) -> Vec<Vec3> {
-        orientation(m, &Topology::new(m), &m.vertex_normals(), &[], &[], symmetry).unwrap()
+        orientation(m, &Topology::new(m), &m.vertex_normals(), &[], &[], &[], symmetry).unwrap()
     }
 
     fn anchor(at: Vec3, up: Vec3, radius: Option<f64>) -> OrientationConstraint {
@@ -285,7 +512,7 @@ mod tests {
                 let topo = Topology::new(&m);
                 let c = anchor(m.positions[0], vec3(0.3, 0.2, 0.5), None);
                 let s = SingularityConstraint { at: m.positions[1], kind: SingularityKind::Source, radius: Some(0.5) };
-                let up = orientation(&m, &topo, &m.vertex_normals(), &[c], &[s], symmetry).unwrap();
+                let up = orientation(&m, &topo, &m.vertex_normals(), &[c], &[s], &[], symmetry).unwrap();
                 assert!(is_field(&m, &up), "{name} {symmetry:?} anchored");
             }
         }
@@ -312,7 +539,7 @@ mod tests {
         let m = zoo::plane(30, 20);
         let want = vec3(3., -4., 0.) / 5.0;
         let c = anchor(vec3(7., 5., 2.), want * 3.0 + vec3(0., 0., 1.), None);
-        let up = orientation(&m, &Topology::new(&m), &m.vertex_normals(), &[c], &[], Symmetry::One).unwrap();
+        let up = orientation(&m, &Topology::new(&m), &m.vertex_normals(), &[c], &[], &[], Symmetry::One).unwrap();
         assert!(up.iter().all(|u| (*u - want).length() < 1e-4));
     }
 
@@ -322,7 +549,7 @@ mod tests {
         let topo = Topology::new(&m);
         let c = anchor(vec3(7., 5., 0.), vec3(1., 0., 0.), Some(4.0));
         let without = default(&m, Symmetry::One);
-        let up = orientation(&m, &topo, &m.vertex_normals(), &[c], &[], Symmetry::One).unwrap();
+        let up = orientation(&m, &topo, &m.vertex_normals(), &[c], &[], &[], Symmetry::One).unwrap();
         assert!((up[5 * 31 + 7] - vec3(1., 0., 0.)).length() < 1e-9);
         let bent = up[5 * 31 + 9];
         assert!(bent.x > 0.1 && bent.y > 0.1, "between the two: {bent:?}");
@@ -338,7 +565,7 @@ mod tests {
         let at = vec3(10., 10., 0.);
         let run = |kind| {
             let s = SingularityConstraint { at, kind, radius: None };
-            orientation(&m, &topo, &m.vertex_normals(), &[], &[s], Symmetry::One)
+            orientation(&m, &topo, &m.vertex_normals(), &[], &[s], &[], Symmetry::One)
         };
         for (kind, quarter) in [(SingularityKind::Source, 0), (SingularityKind::Sink, 2), (SingularityKind::Vortex, 1)]
         {
@@ -352,7 +579,41 @@ mod tests {
             assert_eq!(total, 1.0, "{kind:?}");
         }
         let e = run(SingularityKind::Index(0.5)).unwrap_err();
-        assert!(e.to_string().contains("index = 0.5 is not supported yet"), "{e}");
+        assert!(e.to_string().contains("multiple of 1/1"), "{e}");
+    }
+
+    #[test]
+    fn contradictions_are_named() {
+        let m = zoo::plane(10, 10);
+        let (topo, normals) = (Topology::new(&m), m.vertex_normals());
+        let (p, right, up) = (vec3(5., 5., 0.), vec3(1., 0., 0.), vec3(0., 1., 0.));
+        let run = |a: &[OrientationConstraint], s: &[SingularityConstraint], symmetry| {
+            orientation(&m, &topo, &normals, a, s, &[], symmetry)
+        };
+        let text = run(&[anchor(p, right, None), anchor(p, up, None)], &[], Symmetry::One).unwrap_err().to_string();
+        assert!(text.starts_with("orientation constraint 0 and orientation constraint 1 contradict"), "{text}");
+        assert!(
+            run(&[anchor(p, up, None), anchor(p, -up, None)], &[], Symmetry::Two).is_ok(),
+            "the same, half a turn on"
+        );
+        assert!(run(&[anchor(p, up, None), anchor(p, right, None)], &[], Symmetry::Four).is_ok());
+        assert!(run(&[anchor(p, right, None), anchor(p, up, Some(2.0))], &[], Symmetry::One).is_ok(), "nearby another");
+        let s = SingularityConstraint { at: p, kind: SingularityKind::Sink, radius: None };
+        assert!(matches!(run(&[anchor(p, up, None)], &[s], Symmetry::One), Err(Error::Contradiction { .. })));
+        assert!(matches!(run(&[], &[s, s], Symmetry::One), Err(Error::Contradiction { .. })));
+    }
+
+    #[test]
+    fn without_a_preferred_direction_nothing_is_solved_but_wishes_are_checked() {
+        let m = zoo::icosphere(3);
+        let (topo, normals) = (Topology::new(&m), m.vertex_normals());
+        let run = |a: &[OrientationConstraint]| orientation(&m, &topo, &normals, a, &[], &[], Symmetry::Isotropic);
+        let plain = run(&[]).unwrap();
+        assert!(is_field(&m, &plain));
+        assert_eq!(run(&[anchor(vec3(1., 0., 0.), vec3(0., 0., 1.), None)]).unwrap(), plain);
+        assert!(run(&[anchor(vec3(1., 0., 0.), Vec3::ZERO, None)]).is_err());
+        let level = |(p, u): (&Vec3, &Vec3)| p.y.abs() > 0.3 || u.y > 0.9;
+        assert!(m.positions.iter().zip(&plain).all(level), "up around the equator");
     }
 
     #[test]
@@ -360,7 +621,9 @@ mod tests {
         let m = zoo::plane(2, 2);
         let fail = |at, up| {
             let a = [anchor(vec3(0., 0., 0.), vec3(0., 1., 0.), None), anchor(at, up, None)];
-            orientation(&m, &Topology::new(&m), &m.vertex_normals(), &a, &[], Symmetry::One).unwrap_err().to_string()
+            orientation(&m, &Topology::new(&m), &m.vertex_normals(), &a, &[], &[], Symmetry::One)
+                .unwrap_err()
+                .to_string()
         };
         let zero = Vec3::ZERO;
         assert_eq!(fail(zero, zero), "orientation constraint 1: up is the zero vector; it must have a direction");
@@ -368,7 +631,7 @@ mod tests {
         assert!(fail(zero, vec3(f64::NAN, 0., 0.)).contains("NaN"));
         assert!(fail(vec3(0., 0., 50.), vec3(1., 0., 0.)).contains("is 50 units from the surface"));
         let c = anchor(zero, vec3(1e-200, 0., 0.), None);
-        assert!(orientation(&m, &Topology::new(&m), &m.vertex_normals(), &[c], &[], Symmetry::One).is_ok());
+        assert!(orientation(&m, &Topology::new(&m), &m.vertex_normals(), &[c], &[], &[], Symmetry::One).is_ok());
     }
 
     #[test]
@@ -381,7 +644,7 @@ mod tests {
         let anchors = [(0, vec3(0., 0., 1.)), (400, vec3(0., 1., 1.)), (790, vec3(1., 0., 0.3))];
         let run = |m: &TriMesh, f: &dyn Fn(Vec3) -> Vec3| {
             let a: Vec<_> = anchors.iter().map(|&(v, up)| anchor(m.positions[v], f(up), None)).collect();
-            orientation(m, &Topology::new(m), &m.vertex_normals(), &a, &[], Symmetry::One).unwrap()
+            orientation(m, &Topology::new(m), &m.vertex_normals(), &a, &[], &[], Symmetry::One).unwrap()
         };
         let before = run(&m, &|v| v);
         m.positions.iter_mut().for_each(|p| *p = turn(*p));

@@ -99,7 +99,7 @@ pub(super) fn relax(
 }
 
 /// Solves for the vertices `open` (ascending), all others held at `z`.
-fn solve(topo: &Topology, coupling: &Coupling, open: &[u32], guide: &[Guide], z: &mut [Complex]) -> Outcome {
+pub(super) fn solve(topo: &Topology, coupling: &Coupling, open: &[u32], guide: &[Guide], z: &mut [Complex]) -> Outcome {
     const HELD: u32 = u32::MAX;
     let mut row = vec![HELD; z.len()];
     open.iter().enumerate().for_each(|(i, &v)| row[v as usize] = i as u32);

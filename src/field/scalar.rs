@@ -3,6 +3,8 @@
 //! Source: `[MST09]` 2.1 (constraints with effect areas); here for the local scale, which is interpolated in its
 //! logarithm so that it stays positive and doubling and halving weigh alike.
 
+use std::collections::BTreeMap;
+
 use super::relax::{Coupling, Guide, Pin, cotangent_weights, disc, relax};
 use super::{Error, Which, site};
 use crate::mesh::{Topology, TriMesh, check};
@@ -41,6 +43,7 @@ pub fn interpolate(
     }
     let wanted: Vec<_> = constraints.iter().enumerate().map(|(i, c)| (which(i), c.at, c.radius)).collect();
     let sites = site::sites(mesh, &wanted)?;
+    refuse_contradictions(mesh, &sites, constraints, which)?;
 
     let ones = vec![Complex::ONE; topo.half_edge_count()];
     let coupling = Coupling { weights: cotangent_weights(mesh, topo), transport: ones };
@@ -57,6 +60,24 @@ pub fn interpolate(
     // Harmonic values lie between those given; the solver's error must not change that.
     let (low, high) = constraints.iter().fold((default, default), |(l, h), c| (l.min(c.value), h.max(c.value)));
     Ok(z.iter().map(|z| z.re.clamp(low, high)).collect())
+}
+
+/// Refuses two values at one vertex, both with or both without a radius.
+fn refuse_contradictions(
+    mesh: &TriMesh,
+    sites: &[site::Site],
+    constraints: &[ScalarConstraint],
+    which: impl Fn(usize) -> Which,
+) -> Result<(), Error> {
+    let mut known: BTreeMap<(u32, bool), usize> = BTreeMap::new();
+    for (i, s) in sites.iter().enumerate() {
+        let first = *known.entry((s.vertex, s.radius.is_some())).or_insert(i);
+        if constraints[first].value != constraints[i].value {
+            let at = mesh.positions[s.vertex as usize];
+            return Err(Error::Contradiction { first: which(first), second: which(i), at });
+        }
+    }
+    Ok(())
 }
 
 /// The scale at each vertex in texels per world unit: `mean` times the local factors (0.001..=1000), interpolated in
@@ -136,6 +157,9 @@ mod tests {
             let e = scale(&m, &topo, 1.0, &[at(0., 0., 1.0, None), at(0., 0., value, None)]).unwrap_err();
             assert!(e.to_string().starts_with("scale constraint 1: the factor is"), "{e}");
         }
+        let e = scale(&m, &topo, 1.0, &[at(0., 0., 1.0, None), at(0.1, 0., 2.0, None)]).unwrap_err();
+        assert!(e.to_string().starts_with("scale constraint 0 and scale constraint 1 contradict"), "{e}");
+        assert!(scale(&m, &topo, 1.0, &[at(0., 0., 1.0, None), at(0., 0., 2.0, Some(0.5))]).is_ok());
         assert!(matches!(scale(&m, &topo, f64::NAN, &[]), Err(Error::Scale(_))));
         assert!(matches!(
             interpolate(&m, &topo, "material", &[at(0., 0., f64::NAN, None)], 0.0),

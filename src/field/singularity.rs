@@ -13,8 +13,8 @@ use super::Symmetry;
 use super::tangent::{frames, transports};
 use crate::mesh::{Topology, TriMesh};
 use crate::numerics::csr::Complex;
-use crate::numerics::det;
 use crate::numerics::vec::Vec3;
+use crate::numerics::{det, par};
 
 /// The singular faces of a field and their indices, by face: 1 for a source, sink or vortex, multiples of 1/2 and 1/4
 /// for symmetry two and four, negative for saddles.
@@ -38,18 +38,68 @@ pub fn singularities(
         };
         if i < j { forward(i, j) } else { -forward(j, i) }
     };
-    let curvature = face_curvatures(mesh, topo);
+    let areas = turning_areas(mesh, topo, normals);
     let mut found = vec![];
     for (f, &[a, b, c]) in mesh.faces.iter().enumerate() {
-        let area = solid_angle([a, b, c].map(|v| normals[v as usize]));
-        let area = area - ((area - curvature[f]) / TAU).round() * TAU;
-        let turns = (turn(a, b) + turn(b, c) + turn(c, a) + f64::from(n) * area) / TAU;
+        let turns = (turn(a, b) + turn(b, c) + turn(c, a) + f64::from(n) * areas[f]) / TAU;
         let index = turns.round() / f64::from(n);
         if index != 0.0 {
             found.push((f as u32, index));
         }
     }
     found
+}
+
+/// By how much transport around each face turns a vector: the area that its normals enclose on the sphere, of the values
+/// a whole turn apart the one nearest to its share of the angle defects. Over a closed component they sum to 2 pi times
+/// the Euler characteristic.
+pub(super) fn turning_areas(mesh: &TriMesh, topo: &Topology, normals: &[Vec3]) -> Vec<f64> {
+    let curvature = face_curvatures(mesh, topo);
+    par::map(mesh.faces.len(), |f| {
+        let area = solid_angle(mesh.faces[f].map(|v| normals[v as usize]));
+        area - ((area - curvature[f]) / TAU).round() * TAU
+    })
+}
+
+/// A singular point of a field: singular faces that touch, as one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Singularity {
+    /// Mean of the faces' centres.
+    pub at: Vec3,
+    /// Sum of the faces' indices.
+    pub index: f64,
+    /// The first of the faces.
+    pub face: u32,
+}
+
+/// The singular faces that [`singularities`] found as points: faces that share a vertex count as one point, and as none
+/// if their indices cancel. By first face.
+pub fn singular_points(mesh: &TriMesh, found: &[(u32, f64)]) -> Vec<Singularity> {
+    let mut corners: Vec<(u32, usize)> =
+        found.iter().enumerate().flat_map(|(i, f)| mesh.faces[f.0 as usize].map(|v| (v, i))).collect();
+    corners.sort_unstable();
+    let mut group: Vec<usize> = (0..found.len()).collect();
+    let first = |group: &[usize], mut i: usize| {
+        while group[i] != i {
+            i = group[i];
+        }
+        i
+    };
+    for pair in corners.windows(2).filter(|w| w[0].0 == w[1].0) {
+        let (a, b) = (first(&group, pair[0].1), first(&group, pair[1].1));
+        group[a.max(b)] = a.min(b);
+    }
+    let mut points = vec![];
+    for i in (0..found.len()).filter(|&i| group[i] == i) {
+        let members: Vec<_> = (i..found.len()).filter(|&j| first(&group, j) == i).map(|j| found[j]).collect();
+        let index: f64 = members.iter().map(|m| m.1).sum();
+        let corners = members.iter().flat_map(|m| mesh.corners(m.0 as usize));
+        let at = corners.fold(Vec3::ZERO, |s, p| s + p) / (3 * members.len()) as f64;
+        if index != 0.0 {
+            points.push(Singularity { at, index, face: found[i].0 });
+        }
+    }
+    points
 }
 
 /// Each face's share of its vertices' angle defects, by its share of their angles. Vertices whose faces do not close up
@@ -103,7 +153,7 @@ mod tests {
             let tilted = OrientationConstraint { at: m.positions[0], up: vec3(0.2, 0.9, -0.3), radius: None };
             for symmetry in [Symmetry::One, Symmetry::Two, Symmetry::Four] {
                 for anchors in [vec![], vec![tilted]] {
-                    let up = orientation(&m, &topo, &normals, &anchors, &[], symmetry).unwrap();
+                    let up = orientation(&m, &topo, &normals, &anchors, &[], &[], symmetry).unwrap();
                     let found = singularities(&m, &topo, &normals, &up, symmetry);
                     let sum: f64 = found.iter().map(|s| s.1).sum();
                     println!("{name} {symmetry:?}: {} singular faces", found.len());
@@ -118,7 +168,7 @@ mod tests {
         let prepared = prepare(&zoo::surface(zoo::cube()), &PrepareParams::new(160.0, [64, 64]));
         let m = prepared.unwrap().mesh;
         let (topo, normals) = (Topology::new(&m), m.vertex_normals());
-        let up = orientation(&m, &topo, &normals, &[], &[], Symmetry::Four).unwrap();
+        let up = orientation(&m, &topo, &normals, &[], &[], &[], Symmetry::Four).unwrap();
         let found = singularities(&m, &topo, &normals, &up, Symmetry::Four);
         assert_eq!(found.len(), 8, "{found:?}");
         assert!(found.iter().all(|s| s.1 == 0.25));

@@ -17,6 +17,8 @@ const DISC: f64 = 0.02;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Site {
     pub vertex: u32,
+    /// The face nearest to the wanted point; `vertex` is one of its corners.
+    pub face: u32,
     /// Geodesic reach; `None` for the whole component.
     pub radius: Option<f64>,
     /// Radius of the disc it holds.
@@ -36,12 +38,12 @@ pub(super) fn sites(mesh: &TriMesh, wanted: &[(Which, Vec3, Option<f64>)]) -> Re
         if let Some(radius) = radius.filter(|&r| r <= 0.0) {
             return Err(Error::Radius { which, radius });
         }
-        let (vertex, distance) = nearest_vertex(mesh, at).ok_or(Error::NoFaces)?;
+        let (vertex, face, distance) = nearest_vertex(mesh, at).ok_or(Error::NoFaces)?;
         if distance > diagonal {
             return Err(Error::TooFar { which, distance, limit: diagonal });
         }
         let disc = radius.map_or(DISC * diagonal, |r| (r * 0.5).min(DISC * diagonal));
-        sites.push(Site { vertex, radius, disc });
+        sites.push(Site { vertex, face, radius, disc });
     }
     for i in 0..sites.len() {
         let p = mesh.positions[sites[i].vertex as usize];
@@ -52,8 +54,8 @@ pub(super) fn sites(mesh: &TriMesh, wanted: &[(Which, Vec3, Option<f64>)]) -> Re
     Ok(sites)
 }
 
-/// The corner nearest to `at` of the nearest face (the first of equals), and the distance to that face.
-fn nearest_vertex(mesh: &TriMesh, at: Vec3) -> Option<(u32, f64)> {
+/// The corner nearest to `at` of the nearest face (the first of equals), that face and the distance to it.
+fn nearest_vertex(mesh: &TriMesh, at: Vec3) -> Option<(u32, u32, f64)> {
     let mut best: Option<(f64, usize)> = None;
     for f in 0..mesh.faces.len() {
         let [a, b, c] = mesh.corners(f);
@@ -74,7 +76,7 @@ fn nearest_vertex(mesh: &TriMesh, at: Vec3) -> Option<(u32, f64)> {
         d.dot(d)
     };
     let vertex = mesh.faces[f].into_iter().min_by(|&a, &b| away(a).total_cmp(&away(b)).then(a.cmp(&b)))?;
-    Some((vertex, d2.sqrt()))
+    Some((vertex, f as u32, d2.sqrt()))
 }
 
 /// The point of a triangle nearest to `p`: inside if `p` projects there, else on the nearest edge.
@@ -159,8 +161,10 @@ mod tests {
     #[test]
     fn the_nearest_corner_of_the_nearest_face() {
         let m = zoo::plane(4, 4);
-        assert_eq!(nearest_vertex(&m, vec3(2.2, 0.9, 0.5)), Some((7, 0.5)));
-        let (v, d) = nearest_vertex(&m, vec3(-3.0, -4.0, 0.0)).unwrap();
+        let (v, f, d) = nearest_vertex(&m, vec3(2.2, 0.9, 0.5)).unwrap();
+        assert_eq!((v, d), (7, 0.5));
+        assert!(m.faces[f as usize].contains(&7));
+        let (v, _, d) = nearest_vertex(&m, vec3(-3.0, -4.0, 0.0)).unwrap();
         assert_eq!((v, d), (0, 5.0));
         let far = sites(&m, &[(WHICH, vec3(0., 0., 6.), None)]).unwrap_err();
         assert!(far.to_string().starts_with("orientation constraint 3 is 6 units from the surface"), "{far}");

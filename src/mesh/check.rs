@@ -98,7 +98,7 @@ pub fn components(topo: &Topology) -> (Vec<u32>, usize) {
 }
 
 /// Groups of faces at a vertex that hang together by edges at that vertex.
-fn fans(mesh: &TriMesh, topo: &Topology, v: u32) -> usize {
+pub(crate) fn fans(mesh: &TriMesh, topo: &Topology, v: u32) -> usize {
     let faces = topo.faces(v);
     let mut ends: Vec<(u32, usize)> = vec![];
     for (i, &f) in faces.iter().enumerate() {

@@ -154,7 +154,7 @@ pub(super) fn check_absence(tree: &Node, findings: &mut Findings) {
         if !table.contains_key("kind") && !table.contains_key("index") {
             let keys = [format!("{path}.kind"), format!("{path}.index")];
             let fault = Fault::new(tree.locate(path), path, format!("`{path}` has no `kind`"))
-                .allowed("kind = \"source\", \"sink\" or \"vortex\"");
+                .allowed("kind = \"source\", \"sink\" or \"vortex\", or an `index`");
             findings.push_unless_due_to(&[&keys[0], &keys[1]], fault);
         }
     });

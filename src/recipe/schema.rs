@@ -7,8 +7,8 @@
 
 use super::limits;
 use super::words::{
-    Blend, CanvasDebug, CanvasOrder, Compression, ImageFormat, MapFile, Method, NormalY, Shading, SingularityKind,
-    TextonFeatures, Unwrap, WalkOrder,
+    AlignTo, Blend, CanvasDebug, CanvasOrder, Compression, ImageFormat, MapFile, Method, NormalY, Shading,
+    SingularityKind, TextonFeatures, Unwrap, WalkOrder,
 };
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
@@ -449,8 +449,11 @@ pub struct Field {
     pub symmetry: Symmetry,
     /// "Up" of the sample at points of the surface.
     pub orientation: Vec<Orientation>,
-    /// Where the orientation turns around a point.
+    /// Where the orientation turns around a point. Those without `radius` are all that a surface gets: on a closed one
+    /// their indices (1 for each `kind`) must sum to its Euler characteristic, such as 2 for a sphere and 0 for a torus.
     pub singularities: Vec<Singularity>,
+    /// Draw the orientation along or across lines of the surface: any of "creases", "boundary" and "curvature".
+    pub align: Vec<AlignTo>,
     /// Local factors on the scale of `[synthesis]`.
     pub scale: Vec<ScalePoint>,
     /// The material axis at points of the surface.
@@ -463,6 +466,7 @@ impl Default for Field {
             symmetry: Symmetry::Ways(1),
             orientation: Vec::new(),
             singularities: Vec::new(),
+            align: Vec::new(),
             scale: Vec::new(),
             material: Vec::new(),
         }
@@ -515,7 +519,7 @@ pub struct Singularity {
     pub at: Option<[f64; 3]>,
     /// What it looks like. Exactly one of `kind` and `index`.
     pub kind: Option<SingularityKind>,
-    /// Turns of the orientation around it, a multiple of 1/symmetry.
+    /// Turns of the orientation around it, a multiple of 1/symmetry but not 0: negative ones are saddles.
     #[schemars(transform = within(limits::INDEX))]
     pub index: Option<f64>,
     /// Acts only within this geodesic distance, in mesh units. Default: everywhere.

@@ -97,6 +97,7 @@ symmetry = 1                            # 1, 2, 4, or "isotropic" if the sample 
 # orientation = [                       # "up" of the sample at points of the surface
 #   { at = [0.0, 1.0, 0.0], up = [0.0, 0.0, 1.0] },
 # ]
+# align = []                            # "creases", "boundary", "curvature": run along or across these
 
 [synthesis]
 scale = {scale} # texels of the sample per mesh unit, or "auto"
@@ -115,7 +116,7 @@ size = 2048
 [[render]]                              # golden views
 view = "turntable-4"
 size = 512
-shading = "lit"                         # "unlit", "lit", "normal", "patches" or "uv"
+shading = "lit"                         # "unlit", "lit", "normal", "patches", "uv" or "field"
 "##;
 
 #[cfg(test)]

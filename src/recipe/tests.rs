@@ -125,7 +125,12 @@ fn every_key_arrives() {
         Field {
             symmetry: Symmetry::One,
             orientation: vec![up],
-            singularities: vec![Singularity { at: vec3(0.0, 2.0, 0.0), kind: SingularityKind::Source, radius: None }],
+            singularities: vec![Singularity {
+                at: vec3(0.0, 2.0, 0.0),
+                kind: Singular::Kind(SingularityKind::Source),
+                radius: None
+            }],
+            align: vec![],
             scale: vec![ScalePoint { at: Vec3::ZERO, factor: 2.0, radius: None }],
         }
     );
@@ -407,8 +412,8 @@ fn mistakes_are_named_with_place_and_remedy() {
         (
             "kind = \"source\"",
             "index = 0.5",
-            "29:45: this version of kiln can't do `field.singularities[0].index = \
-            0.5` yet: expected `kind` with \"source\", \"sink\" or \"vortex\"",
+            "29:45: `field.singularities[0].index` can't be 0.5 where `field.symmetry` is 1: \
+            expected a whole number other than 0",
         ),
         (
             "kind = \"source\"",
@@ -420,7 +425,12 @@ fn mistakes_are_named_with_place_and_remedy() {
             ", kind = \"source\"",
             "",
             "29:19: `field.singularities[0]` has no `kind`: expected kind = \"source\", \
-            \"sink\" or \"vortex\"",
+            \"sink\" or \"vortex\", or an `index`",
+        ),
+        (
+            "symmetry = 1",
+            "symmetry = 1\nalign = [\"creases\", \"creases\"]",
+            "26:21: `field.align` has \"creases\" twice; remove one",
         ),
         (
             "value = 0.0",

@@ -281,20 +281,23 @@ fn analysis_of(from: schema::Analysis, context: &mut Context) -> Analysis {
 }
 
 fn field_of(from: schema::Field, context: &mut Context) -> Field {
-    let schema::Field { symmetry, orientation, singularities, scale, material } = from;
+    let schema::Field { symmetry, orientation, singularities, align, scale, material } = from;
+    refuse_twice("field.align", &align.iter().map(|line| line.name()).collect::<Vec<_>>(), context);
     for (i, schema::MaterialPoint { at: _, value, radius: _ }) in material.into_iter().enumerate() {
         // With one exemplar the material axis is 0 everywhere; saying so is no mistake.
         if let Some(value) = value.filter(|&value| value != 0.0) {
             context.not_yet(&format!("field.material[{i}].value"), &format!("{value:?}"), "0, the only exemplar");
         }
     }
+    let (symmetry, ways) = match symmetry {
+        schema::Symmetry::Ways(2) => (Symmetry::Two, 2),
+        schema::Symmetry::Ways(4) => (Symmetry::Four, 4),
+        schema::Symmetry::Ways(_) => (Symmetry::One, 1),
+        schema::Symmetry::Word(schema::Isotropic::Isotropic) => (Symmetry::Isotropic, 1),
+    };
     Field {
-        symmetry: match symmetry {
-            schema::Symmetry::Ways(2) => Symmetry::Two,
-            schema::Symmetry::Ways(4) => Symmetry::Four,
-            schema::Symmetry::Ways(_) => Symmetry::One,
-            schema::Symmetry::Word(schema::Isotropic::Isotropic) => Symmetry::Isotropic,
-        },
+        symmetry,
+        align,
         orientation: orientation
             .into_iter()
             .enumerate()
@@ -308,11 +311,11 @@ fn field_of(from: schema::Field, context: &mut Context) -> Field {
             .into_iter()
             .enumerate()
             .map(|(i, schema::Singularity { at, kind, index, radius })| {
-                if let (Some(index), None) = (index, kind) {
-                    let allowed = "`kind` with \"source\", \"sink\" or \"vortex\"";
-                    context.not_yet(&format!("field.singularities[{i}].index"), &format!("{index:?}"), allowed);
-                }
-                Singularity { at: point(at), kind: kind.unwrap_or(SingularityKind::Source), radius }
+                let kind = match (kind, index) {
+                    (None, Some(index)) => Singular::Index(index_of(i, index, ways, context)),
+                    (kind, _) => Singular::Kind(kind.unwrap_or(SingularityKind::Source)),
+                };
+                Singularity { at: point(at), kind, radius }
             })
             .collect(),
         scale: scale
@@ -324,6 +327,19 @@ fn field_of(from: schema::Field, context: &mut Context) -> Field {
             })
             .collect(),
     }
+}
+
+/// An index that a field of so many equivalent directions can have.
+fn index_of(i: usize, index: f64, ways: u32, context: &mut Context) -> f64 {
+    let turns = index * f64::from(ways);
+    if turns == 0.0 || turns != turns.round() {
+        let key = format!("field.singularities[{i}].index");
+        let fault = context.fault(&key, format!("`{key}` can't be {index:?} where `field.symmetry` is {ways}"));
+        let step = if ways == 1 { "a whole number".into() } else { format!("a multiple of 1/{ways}") };
+        let fault = fault.found(format!("{index:?}")).allowed(format!("{step} other than 0"));
+        context.findings.push_unless_due_to(&["field.symmetry"], fault);
+    }
+    index
 }
 
 fn point(at: Option<[f64; 3]>) -> Vec3 {

@@ -6,8 +6,8 @@
 
 use super::FramePattern;
 use super::words::{
-    Blend, CanvasDebug, CanvasOrder, Compression, ImageFormat, MapFile, NormalY, Shading, SingularityKind, Unwrap,
-    WalkOrder,
+    AlignTo, Blend, CanvasDebug, CanvasOrder, Compression, ImageFormat, MapFile, NormalY, Shading, SingularityKind,
+    Unwrap, WalkOrder,
 };
 use crate::numerics::vec::Vec3;
 use crate::texture::MapKind;
@@ -258,6 +258,8 @@ pub struct Field {
     pub orientation: Vec<Orientation>,
     /// Points around which the orientation turns.
     pub singularities: Vec<Singularity>,
+    /// Lines of the surface that the orientation is drawn to, each once.
+    pub align: Vec<AlignTo>,
     /// Local factors on the scale.
     pub scale: Vec<ScalePoint>,
 }
@@ -279,9 +281,18 @@ pub struct Singularity {
     /// The point; the nearest of the surface counts.
     pub at: Vec3,
     /// What it looks like.
-    pub kind: SingularityKind,
+    pub kind: Singular,
     /// Acts only within this geodesic distance.
     pub radius: Option<f64>,
+}
+
+/// What the orientation does around a singularity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Singular {
+    /// One turn of a known look.
+    Kind(SingularityKind),
+    /// So many turns, a multiple of 1/symmetry other than 0.
+    Index(f64),
 }
 
 /// A local factor on the scale.

@@ -113,6 +113,16 @@ words! {
         Vortex = "vortex",
     }
 
+    /// Lines of a surface that the orientation can be drawn to.
+    AlignTo {
+        /// Edges at which the surface folds.
+        Creases = "creases",
+        /// Edges with a triangle on one side only.
+        Boundary = "boundary",
+        /// The directions in which the surface bends most and least.
+        Curvature = "curvature",
+    }
+
     /// The library that lays the atlas out.
     Unwrap {
         /// Pure Rust, fast.
@@ -165,6 +175,8 @@ words! {
         Patches = "patches",
         /// Texture coordinates as colours.
         Uv = "uv",
+        /// Strokes along the orientation, thick end up; singularities marked.
+        Field = "field",
     }
 
     /// A map as a file: one of the exemplar's, or one that goes out.

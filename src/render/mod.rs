@@ -11,10 +11,12 @@ mod camera;
 mod light;
 mod look;
 mod raster;
+mod strokes;
 
 pub use camera::{View, turntable};
 pub use look::{Appearance, AtlasLook, AtlasMaps, Hit, Look, SetsLook, synthesis_normals};
 pub use raster::render;
+pub use strokes::Strokes;
 
 use crate::numerics::vec::Vec3;
 use crate::texture::Texture;

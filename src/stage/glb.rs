@@ -2,7 +2,9 @@
 
 use crate::bake::{Atlas, pack_orm, tangents};
 use crate::build::{Inputs, Step, StepError, Visitor};
-use crate::io::gltf::{AlphaMode, AtlasCorners, BakedImage, BakedMaps, Use, UvSetOutput, write_atlas, write_uv_sets};
+use crate::io::gltf::{
+    AlphaMode, AtlasCorners, BakedImage, BakedMaps, TriangleOrder, Use, UvSetOutput, write_atlas, write_uv_sets,
+};
 use crate::io::image_file::{Compression, Transfer, encode_png};
 use crate::io::image_quantise::{Encoding, dequantise, quantise};
 use crate::io::{Pixels, SampleType};
@@ -98,6 +100,7 @@ pub(super) struct UvSetsGlb {
     pub recipe: String,
     pub scene: SceneFiles,
     pub weld_texels: f64,
+    pub triangles: TriangleOrder,
 }
 
 /// Means of a map's channels.
@@ -149,11 +152,12 @@ fn sample_maps(recipe: &str, maps: &MapSet) -> Result<(BakedMaps, Means), StepEr
 }
 
 impl Step for UvSetsGlb {
-    super::step_identity!("uv sets glb", 1);
+    super::step_identity!("uv sets glb", 2);
 
     fn describe(&self, v: &mut dyn Visitor) {
         v.param("name", &self.recipe);
         v.param("weld", &self.weld_texels);
+        v.param("triangles", &self.triangles);
         self.scene.describe(v);
     }
 
@@ -175,6 +179,7 @@ impl Step for UvSetsGlb {
             mean_color,
             means: &means,
             repeat_weights_in_uv: false,
+            triangles: self.triangles,
             material_space: None,
         };
         Ok(write_uv_sets(&document, &surface, &prepared.mesh, &synthesised.sets, &output)?)

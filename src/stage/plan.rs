@@ -9,8 +9,11 @@ use crate::bake::{Extent, Library, UnwrapParams, default_gutter_px};
 use crate::build::{Graph, InputId, StepId};
 use crate::disk::Disk;
 use crate::exemplar::AnalysisParams;
-use crate::field::{OrientationConstraint, ScalarConstraint, SingularityConstraint, SingularityKind, Symmetry};
+use crate::field::{
+    Alignment, OrientationConstraint, ScalarConstraint, SingularityConstraint, SingularityKind, Symmetry,
+};
 use crate::io::SampleType;
+use crate::io::gltf::TriangleOrder;
 use crate::io::image_file::{Compression, Transfer};
 use crate::io::image_set::{NormalY, Options, Slot};
 use crate::io::image_strips::Container;
@@ -35,7 +38,7 @@ use super::maps::Maps;
 use super::painting::Picture;
 use super::prepare::{Prepare, Scale};
 use super::rasterise::{ImageSpec, Rasterise};
-use super::render::RenderView;
+use super::render::{RenderField, RenderView};
 use super::report::{CanvasReport, Report};
 use super::sheet::{Form, Stack};
 use super::surface::{ReadSurface, SceneFiles};
@@ -413,7 +416,11 @@ impl Planner<'_> {
             atlas_steps = Some((unwrap, bundle));
         }
         if let Some(uv_sets) = &bake.uv_sets {
-            let glb = UvSetsGlb { recipe: recipe.clone(), scene, weld_texels: uv_sets.weld };
+            let triangles = match order {
+                Order::RegionGrowing => TriangleOrder::Input,
+                Order::RenderingSequence => TriangleOrder::Cache,
+            };
+            let glb = UvSetsGlb { recipe: recipe.clone(), scene, weld_texels: uv_sets.weld, triangles };
             let inputs = [&files[..], &[surface, prepare, synthesise, maps].map(InputId::from)].concat();
             let glb = self.step(glb, &inputs);
             self.output(glb, &format!("{recipe}.uvsets.glb"));
@@ -421,11 +428,19 @@ impl Planner<'_> {
         let mut inputs = [surface, prepare, synthesise, maps].map(InputId::from).to_vec();
         inputs.extend(atlas_steps.iter().flat_map(|(unwrap, bundle)| [InputId::from(*unwrap), InputId::from(*bundle)]));
         for view in &bake.renders {
-            let render = RenderView { recipe: recipe.clone(), view: view.clone() };
-            let render = self.step(render, &inputs);
-            self.output(render, &format!("render/{}.png", view.name));
+            let (recipe, view) = (recipe.clone(), view.clone());
+            let path = format!("render/{}.png", view.name);
+            let render = match view.shading {
+                recipe::Shading::Field => {
+                    let inputs = [surface, prepare, field].map(InputId::from);
+                    self.step(RenderField { recipe, view }, &inputs)
+                }
+                _ => self.step(RenderView { recipe, view }, &inputs),
+            };
+            self.output(render, &path);
         }
         inputs[3] = analyse.into();
+        inputs.insert(4, field.into());
         let report = self.step(Report { recipe }, &inputs);
         self.output(report, "report.json");
     }
@@ -491,7 +506,7 @@ fn layout(atlas: &recipe::Atlas) -> (Layout, u32) {
 }
 
 fn lay_field(recipe: &str, from: &recipe::Field) -> (LayField, Symmetry) {
-    let recipe::Field { symmetry, orientation, singularities, scale } = from;
+    let recipe::Field { symmetry, orientation, singularities, align: lines, scale } = from;
     let symmetry = match symmetry {
         recipe::Symmetry::One => Symmetry::One,
         recipe::Symmetry::Two => Symmetry::Two,
@@ -501,11 +516,17 @@ fn lay_field(recipe: &str, from: &recipe::Field) -> (LayField, Symmetry) {
     let anchor = |&recipe::Orientation { at, up, radius }: &_| OrientationConstraint { at, up, radius };
     let singular = |&recipe::Singularity { at, kind, radius }: &_| {
         let kind = match kind {
-            recipe::SingularityKind::Source => SingularityKind::Source,
-            recipe::SingularityKind::Sink => SingularityKind::Sink,
-            recipe::SingularityKind::Vortex => SingularityKind::Vortex,
+            recipe::Singular::Kind(recipe::SingularityKind::Source) => SingularityKind::Source,
+            recipe::Singular::Kind(recipe::SingularityKind::Sink) => SingularityKind::Sink,
+            recipe::Singular::Kind(recipe::SingularityKind::Vortex) => SingularityKind::Vortex,
+            recipe::Singular::Index(index) => SingularityKind::Index(index),
         };
         SingularityConstraint { at, kind, radius }
+    };
+    let align = |line: &recipe::AlignTo| match line {
+        recipe::AlignTo::Creases => Alignment::Creases,
+        recipe::AlignTo::Boundary => Alignment::Boundary,
+        recipe::AlignTo::Curvature => Alignment::Curvature,
     };
     let factor = |&recipe::ScalePoint { at, factor, radius }: &_| ScalarConstraint { at, value: factor, radius };
     let field = LayField {
@@ -513,6 +534,7 @@ fn lay_field(recipe: &str, from: &recipe::Field) -> (LayField, Symmetry) {
         symmetry,
         orientation: orientation.iter().map(anchor).collect(),
         singularities: singularities.iter().map(singular).collect(),
+        align: lines.iter().map(align).collect(),
         scale: scale.iter().map(factor).collect(),
     };
     (field, symmetry)

@@ -1,16 +1,20 @@
 //! Step: a golden view by the CPU renderer, encoded as PNG.
 //!
 //! Of an atlas bake it shows the finished maps as an engine would, else the UV sets. Pictures of patches always look
-//! through the UV sets, which alone know where a texel came from.
+//! through the UV sets, which alone know where a texel came from. Pictures of the field need neither.
 
 use crate::bake::{Atlas, pack_orm, tangents};
 use crate::build::{Inputs, Step, StepError, Visitor};
+use crate::field::Laid;
 use crate::io::image_file::{Compression, Transfer, encode_png};
 use crate::io::image_quantise::{Encoding, dequantise, quantise};
 use crate::io::{Pixels, SampleType};
-use crate::mesh::Surface;
+use crate::mesh::{Surface, TriMesh};
+use crate::numerics::vec::Vec3;
 use crate::recipe::{self, Render, Shading};
-use crate::render::{self, AtlasLook, AtlasMaps, Look, Mode, Scene, SetsLook, View, synthesis_normals, turntable};
+use crate::render::{
+    self, AtlasLook, AtlasMaps, Look, Mode, Scene, SetsLook, Strokes, View, synthesis_normals, turntable,
+};
 use crate::texture::{MapSet, Texture};
 
 use super::prepare::Prepared;
@@ -40,27 +44,60 @@ fn atlas_maps(bundle: &Bundle) -> Result<AtlasMaps, StepError> {
     })
 }
 
-impl RenderView {
-    fn picture(
-        &self,
-        surface: &Surface,
-        mesh: &crate::mesh::TriMesh,
-        normals: &[crate::numerics::vec::Vec3],
-        look: &dyn Look,
-    ) -> Texture {
-        let size = self.view.size;
-        let views = match self.view.view {
-            recipe::View::Turntable(n) => turntable(&surface.mesh, n, size),
-            recipe::View::Camera { eye, target, fov } => vec![View { eye, target, fov, size }],
-        };
-        let mode = match self.view.shading {
-            Shading::Unlit => Mode::Unlit,
-            Shading::Lit => Mode::Lit,
-            Shading::Normal => Mode::Normal,
-            Shading::Patches => Mode::Patches,
-            Shading::Uv => Mode::Uv,
-        };
-        render::strip(&Scene { mesh, corner_normals: normals, look }, &views, mode)
+/// A picture of a mesh from the views of a recipe's render.
+fn picture(view: &Render, surface: &Surface, mesh: &TriMesh, normals: &[Vec3], look: &dyn Look) -> Texture {
+    let size = view.size;
+    let views = match view.view {
+        recipe::View::Turntable(n) => turntable(&surface.mesh, n, size),
+        recipe::View::Camera { eye, target, fov } => vec![View { eye, target, fov, size }],
+    };
+    let mode = match view.shading {
+        Shading::Unlit => Mode::Unlit,
+        Shading::Lit | Shading::Field => Mode::Lit,
+        Shading::Normal => Mode::Normal,
+        Shading::Patches => Mode::Patches,
+        Shading::Uv => Mode::Uv,
+    };
+    render::strip(&Scene { mesh, corner_normals: normals, look }, &views, mode)
+}
+
+fn png(picture: &Texture) -> Result<Vec<u8>, StepError> {
+    let pixels = quantise(picture, Encoding::Color, SampleType::U8)?;
+    Ok(encode_png(&pixels, Compression::Fast, Transfer::Srgb)?)
+}
+
+/// A view of the field: reads surface, synthesis mesh and field.
+pub(super) struct RenderField {
+    pub recipe: String,
+    pub view: Render,
+}
+
+impl Step for RenderField {
+    fn name(&self) -> String {
+        format!("{}/render {}", self.recipe, self.view.name)
+    }
+
+    fn kind(&self) -> &'static str {
+        "render field"
+    }
+
+    fn revision(&self) -> u32 {
+        1
+    }
+
+    fn describe(&self, v: &mut dyn Visitor) {
+        v.param("view", &self.view.view);
+        v.param("size", &self.view.size);
+    }
+
+    fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
+        let surface: Surface = super::read(inputs, 0)?;
+        let prepared: Prepared = super::read(inputs, 1)?;
+        let Laid { field, symmetry, singularities, .. } = super::read(inputs, 2)?;
+        let normals = synthesis_normals(&prepared.mesh, &surface.corner_normals);
+        let marks: Vec<_> = singularities.iter().map(|s| (s.at, s.index)).collect();
+        let look = Strokes::new(&prepared.mesh.mesh, &field.up, symmetry.directions(), &marks);
+        png(&picture(&self.view, &surface, &prepared.mesh.mesh, &normals, &look))
     }
 }
 
@@ -86,21 +123,20 @@ impl Step for RenderView {
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
         let surface: Surface = super::read(inputs, 0)?;
         let through_sets = inputs.len() <= 4 || self.view.shading == Shading::Patches;
-        let picture = if through_sets {
+        let shown = if through_sets {
             let prepared: Prepared = super::read(inputs, 1)?;
             let synthesised: Synthesised = super::read(inputs, 2)?;
             let maps: MapSet = super::read(inputs, 3)?;
             let normals = synthesis_normals(&prepared.mesh, &surface.corner_normals);
             let look = SetsLook::new(&prepared.mesh.mesh, &synthesised.sets, &maps);
-            self.picture(&surface, &prepared.mesh.mesh, &normals, &look)
+            picture(&self.view, &surface, &prepared.mesh.mesh, &normals, &look)
         } else {
             let atlas: Atlas = super::read(inputs, 4)?;
             let bundle: Bundle = super::read(inputs, 5)?;
             let tangents = tangents(&surface, &atlas);
             let look = AtlasLook::new(&atlas, &tangents, &surface.corner_normals, &atlas_maps(&bundle)?);
-            self.picture(&surface, &surface.mesh, &surface.corner_normals, &look)
+            picture(&self.view, &surface, &surface.mesh, &surface.corner_normals, &look)
         };
-        let pixels = quantise(&picture, Encoding::Color, SampleType::U8)?;
-        Ok(encode_png(&pixels, Compression::Fast, Transfer::Srgb)?)
+        png(&shown)
     }
 }

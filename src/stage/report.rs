@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 use crate::bake::Atlas;
 use crate::build::{Inputs, Step, StepError, Visitor};
 use crate::exemplar::JumpMap;
+use crate::field::{Laid, Singularity};
 use crate::mesh::Surface;
 use crate::synth::source_map::ImageCounters;
 use crate::synth::source_strips::SourceStrips;
@@ -13,13 +14,13 @@ use super::prepare::Prepared;
 use super::rasterise::Bundle;
 use super::synthesise::Synthesised;
 
-/// Reads surface, synthesis mesh, corner coordinates and jump map, and of an atlas bake the atlas and its images.
+/// Reads surface, synthesis mesh, corner coordinates, jump map and field, and of an atlas bake the atlas and its images.
 pub(super) struct Report {
     pub recipe: String,
 }
 
 impl Step for Report {
-    super::step_identity!("report", 1);
+    super::step_identity!("report", 2);
 
     fn describe(&self, v: &mut dyn Visitor) {
         v.param("recipe", &self.recipe);
@@ -30,6 +31,7 @@ impl Step for Report {
         let prepared: Prepared = super::read(inputs, 1)?;
         let synthesised: Synthesised = super::read(inputs, 2)?;
         let map = JumpMap::from_bytes(&inputs[3])?;
+        let laid: Laid = super::read(inputs, 4)?;
         let c = synthesised.counters;
         let mut report = json!({
             "recipe": self.recipe,
@@ -39,6 +41,11 @@ impl Step for Report {
                 "primitives": surface.parts.len(),
             },
             "exemplar": exemplar(&map),
+            "field": {
+                "index_sum": laid.singularities.iter().map(|s| s.index).sum::<f64>(),
+                "euler_characteristic": laid.euler,
+                "singularities": laid.singularities.iter().map(singularity).collect::<Vec<_>>(),
+            },
             "synthesis": {
                 "texels_per_unit": prepared.scale,
                 "triangles": prepared.mesh.mesh.faces.len(),
@@ -53,9 +60,9 @@ impl Step for Report {
                 },
             },
         });
-        if inputs.len() > 4 {
-            let atlas: Atlas = super::read(inputs, 4)?;
-            let bundle: Bundle = super::read(inputs, 5)?;
+        if inputs.len() > 5 {
+            let atlas: Atlas = super::read(inputs, 5)?;
+            let bundle: Bundle = super::read(inputs, 6)?;
             report["atlas"] = json!({
                 "width": atlas.width,
                 "height": atlas.height,
@@ -103,6 +110,10 @@ impl Step for CanvasReport {
         }
         text(&report)
     }
+}
+
+fn singularity(s: &Singularity) -> Value {
+    json!({ "index": s.index, "at": s.at.to_f32() })
 }
 
 fn exemplar(map: &JumpMap) -> Value {

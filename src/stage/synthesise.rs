@@ -77,7 +77,7 @@ impl Step for Synthesise {
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
         let Prepared { exemplar_size, mesh, .. } = super::read(inputs, 0)?;
-        let field: Field = super::read(inputs, 1)?;
+        let field: Field = super::read::<field::Laid>(inputs, 1)?.field;
         let map = JumpMap::from_bytes(&inputs[2])?;
         let mesh = mesh.mesh;
         let topology = Topology::new(&mesh);

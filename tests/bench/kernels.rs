@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use kiln::bake::{self, Coverage, Extent, Library, UnwrapParams, bake_map, default_gutter_px, tangents};
 use kiln::exemplar::{AnalysisParams, analyse, appearance};
-use kiln::field::{self, Field, Symmetry};
+use kiln::field::{self, Field, SingularityConstraint, SingularityKind, Symmetry};
 use kiln::io::SampleType;
 use kiln::io::image_file::{Compression, Transfer, encode_exr, encode_png};
 use kiln::io::image_quantise::{Encoding, quantise};
@@ -19,6 +19,7 @@ use kiln::synth::corner::{Base, corner_sets};
 use kiln::synth::image_copy::{BlendKernel, copy};
 use kiln::synth::image_order::ImageOrder;
 use kiln::synth::image_walk::{self, ImageWalkParams};
+use kiln::synth::rendering_sequence::{CACHE, acmr, face_sequence, rendering_sequence};
 use kiln::synth::vertex_order::region_growing;
 use kiln::synth::vertex_walk::{VertexWalkParams, walk};
 use kiln::texture::{MapKind, MapSet};
@@ -144,8 +145,19 @@ fn on_surface(bench: &Bench, name: &str, surface: &Surface, set: &MapSet, scale:
     let vertices = mesh.positions.len() as f64;
     let topology = Topology::new(mesh);
     let normals = mesh.vertex_normals();
-    let orient = || field::orientation(mesh, &topology, &normals, &[], &[], Symmetry::One).expect("a field");
+    let orient = || field::orientation(mesh, &topology, &normals, &[], &[], &[], Symmetry::One).expect("a field");
     bench.run(&format!("{name}: orientation, one core"), vertices / 1e3, "kvertex/s", || par::install(1, orient));
+    // The knot is a torus and the bunny has holes below: both take these.
+    let point = |v: usize, index| SingularityConstraint {
+        at: mesh.positions[v],
+        kind: SingularityKind::Index(index),
+        radius: None,
+    };
+    let points = [point(0, 1.0), point(mesh.positions.len() / 2, -1.0)];
+    let asked = || field::orientation(mesh, &topology, &normals, &[], &points, &[], Symmetry::One).expect("a field");
+    bench.run(&format!("{name}: orientation, two singularities, one core"), vertices / 1e3, "kvertex/s", || {
+        par::install(1, asked)
+    });
     let up = orient();
     let field = Field { up, scale: vec![scale as f32; mesh.positions.len()] };
     let edges = || field::edge_offsets(mesh, &topology, &normals, &field, Symmetry::One);
@@ -154,6 +166,14 @@ fn on_surface(bench: &Bench, name: &str, surface: &Surface, set: &MapSet, scale:
     bench.run(&format!("{name}: region growing, one core"), vertices / 1e6, "Mvertex/s", || {
         region_growing(&topology, &[])
     });
+    bench.run(&format!("{name}: rendering sequence, one core"), vertices / 1e6, "Mvertex/s", || {
+        rendering_sequence(mesh, &topology)
+    });
+    let sequence: Vec<_> = face_sequence(mesh, &topology).iter().map(|&f| mesh.faces[f as usize]).collect();
+    for cache in [16, CACHE, 32] {
+        let ratio = |faces: &[[u32; 3]]| acmr(faces, mesh.positions.len(), cache);
+        println!("{name}: acmr {:.3}, as a sequence {:.3}, cache {cache}", ratio(&mesh.faces), ratio(&sequence));
+    }
     let order = region_growing(&topology, &[]).expect("an order");
     let (map, _) = analyse(set, &AnalysisParams::default()).expect("an analysis");
     let params = VertexWalkParams::default();

@@ -32,6 +32,11 @@ pub trait Artefact: Sized {
     /// Reads the fields in the same order and checks what the type promises.
     fn read(from: &mut Reader<'_>) -> Result<Self, Damaged>;
 
+    /// Whether bytes begin as an artefact of this type.
+    fn is_one(bytes: &[u8]) -> bool {
+        bytes.starts_with(&MAGIC) && bytes[MAGIC.len()..].starts_with(&Self::TAG)
+    }
+
     /// The whole artefact.
     fn to_bytes(&self) -> Vec<u8> {
         let mut w = Writer(Vec::new());

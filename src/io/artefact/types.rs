@@ -2,7 +2,7 @@
 
 use super::{Artefact, Damaged, Reader, Writer, check};
 use crate::bake::Atlas;
-use crate::field::Field;
+use crate::field::{Field, Laid, Singularity, Symmetry};
 use crate::io::{Pixels, Samples};
 use crate::mesh::{Part, Surface, SynthesisMesh, TriMesh};
 use crate::texture::{Flipbook, MapKind, MapSet, Texture};
@@ -134,18 +134,44 @@ impl Artefact for SynthesisMesh {
     }
 }
 
-impl Artefact for Field {
-    const TAG: [u8; 4] = *b"fld1";
+impl Artefact for Laid {
+    const TAG: [u8; 4] = *b"fld2";
 
     fn write(&self, w: &mut Writer) {
-        w.slice(&self.up);
-        w.slice(&self.scale);
+        w.slice(&self.field.up);
+        w.slice(&self.field.scale);
+        w.put(match self.symmetry {
+            Symmetry::One => 1u8,
+            Symmetry::Two => 2,
+            Symmetry::Four => 4,
+            Symmetry::Isotropic => 0,
+        });
+        w.put(u8::from(self.euler.is_some()));
+        w.put(self.euler.unwrap_or(0));
+        w.put(self.singularities.len() as u64);
+        for Singularity { at, index, face } in &self.singularities {
+            w.put(*at);
+            w.put(*index);
+            w.put(*face);
+        }
     }
 
     fn read(r: &mut Reader<'_>) -> Result<Self, Damaged> {
-        let f = Field { up: r.slice()?, scale: r.slice()? };
-        check(f.up.len() == f.scale.len(), "one scale per vertex")?;
-        Ok(f)
+        let field = Field { up: r.slice()?, scale: r.slice()? };
+        check(field.up.len() == field.scale.len(), "one scale per vertex")?;
+        let symmetry = match r.get::<u8>()? {
+            0 => Symmetry::Isotropic,
+            1 => Symmetry::One,
+            2 => Symmetry::Two,
+            4 => Symmetry::Four,
+            n => return Err(Damaged(format!("a field of {n} directions"))),
+        };
+        let (is_closed, euler) = (r.get::<u8>()? != 0, r.get()?);
+        let mut singularities = Vec::new();
+        for _ in 0..r.get::<u64>()? {
+            singularities.push(Singularity { at: r.get()?, index: r.get()?, face: r.get()? });
+        }
+        Ok(Laid { field, symmetry, singularities, euler: is_closed.then_some(euler) })
     }
 }
 
@@ -263,6 +289,10 @@ mod tests {
         let mesh = TriMesh { positions: vec![vec3(0.0, 0.0, 1.0); 3], faces: vec![[0, 1, 2]] };
         let m = SynthesisMesh { mesh, parent: vec![0], parent_bary: vec![[[1.0, 0.0, 0.0]; 3]] };
         assert_eq!(SynthesisMesh::from_bytes(&m.to_bytes()), Ok(m));
+        let found = Singularity { at: vec3(1.0, 2.0, 3.0), index: -0.5, face: 7 };
+        let field = Field { up: vec![vec3(0.0, 1.0, 0.0)], scale: vec![2.0] };
+        let l = Laid { field, symmetry: Symmetry::Two, singularities: vec![found], euler: Some(2) };
+        assert_eq!(Laid::from_bytes(&l.to_bytes()), Ok(l));
         let p = Pixels { width: 1, height: 2, channels: 1, samples: Samples::U16(vec![1, 65535]) };
         assert_eq!(Pixels::from_bytes(&p.to_bytes()), Ok(p));
     }
@@ -273,7 +303,7 @@ mod tests {
         for cut in 0..bytes.len() {
             assert!(UvSets::from_bytes(&bytes[..cut]).is_err(), "cut at {cut}");
         }
-        assert!(Field::from_bytes(&bytes).is_err(), "another type");
+        assert!(Laid::from_bytes(&bytes).is_err(), "another type");
         let mut long = bytes.clone();
         long[21..29].copy_from_slice(&u64::MAX.to_le_bytes()); // the length of the first set
         assert!(UvSets::from_bytes(&long).is_err(), "an absurd length must not be allocated");

@@ -25,7 +25,7 @@ pub use document::Document;
 pub(super) use document::{external_files, parts};
 pub use material::{AlphaMode, BakedImage, BakedMaps, Use};
 pub use summary::Summary;
-pub use uvsets::{MaterialSpace, UvSetOutput, write_uv_sets};
+pub use uvsets::{MaterialSpace, TriangleOrder, UvSetOutput, write_uv_sets};
 
 #[cfg(test)]
 mod tests;

@@ -20,8 +20,9 @@ use super::primitive::{self, Stream};
 use super::refs::Kind;
 use super::validate::Semantic;
 use crate::io::SceneError;
-use crate::mesh::{Part, Surface, SynthesisMesh};
+use crate::mesh::{Part, Surface, SynthesisMesh, Topology, TriMesh};
 use crate::numerics::vec::{Vec3, vec3};
+use crate::synth::rendering_sequence::{CACHE, acmr, face_sequence};
 use crate::uvset::{Blend, UvSets};
 
 /// Vertices at one point that a corner is compared with: a fan of thousands of corners stays linear.
@@ -51,8 +52,19 @@ pub struct UvSetOutput<'a> {
     pub means: &'a [(String, Vec<f32>)],
     /// Also write the weights as sets of coordinates after the sets, for engines without custom attributes.
     pub repeat_weights_in_uv: bool,
+    /// In which order triangles and vertices are written.
+    pub triangles: TriangleOrder,
     /// For material-space bakes.
     pub material_space: Option<MaterialSpace<'a>>,
+}
+
+/// In which order triangles and vertices are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TriangleOrder {
+    /// As in the synthesis mesh.
+    Input,
+    /// So that a small vertex cache serves most corners, and vertices by first use ([`face_sequence`]).
+    Cache,
 }
 
 /// Writes a UV-set bake.
@@ -287,7 +299,11 @@ impl<'a> Job<'a> {
         firsts.iter().enumerate().for_each(|(k, &i)| index[i] = k as u32);
         let order = if self.mirrors { [0, 2, 1] } else { [0, 1, 2] };
         let face = |f: &[usize]| order.map(|k| index[f[k]]);
-        (firsts, stands_for.chunks_exact(3).map(face).collect())
+        let faces = stands_for.chunks_exact(3).map(face).collect();
+        match self.output.triangles {
+            TriangleOrder::Input => (firsts, faces),
+            TriangleOrder::Cache => for_cache(&firsts, faces),
+        }
     }
 
     fn write(&self, editor: &mut Editor, points: &mut Points, shift: u32) {
@@ -384,6 +400,25 @@ impl<'a> Job<'a> {
         }
         Stream::new(Some(a), Component::F32, "VEC3", bytes)
     }
+}
+
+/// The triangles as a cache likes them, and the vertices by first use; as they came if that is no better.
+fn for_cache(firsts: &[usize], faces: Vec<[u32; 3]>) -> (Vec<usize>, Vec<[u32; 3]>) {
+    const NEW: u32 = u32::MAX;
+    let mesh = TriMesh { positions: vec![Vec3::ZERO; firsts.len()], faces };
+    let sequence = face_sequence(&mesh, &Topology::new(&mesh));
+    let (mut index, mut used) = (vec![NEW; firsts.len()], Vec::with_capacity(firsts.len()));
+    let mut renumber = |v: u32| {
+        if index[v as usize] == NEW {
+            index[v as usize] = used.len() as u32;
+            used.push(firsts[v as usize]);
+        }
+        index[v as usize]
+    };
+    let faces: Vec<[u32; 3]> = sequence.iter().map(|&f| mesh.faces[f as usize].map(&mut renumber)).collect();
+    // Where nearly every vertex is split there is little to gain, and the order that came may be the better one.
+    let misses = |faces: &[[u32; 3]]| acmr(faces, firsts.len(), CACHE);
+    if misses(&faces) < misses(&mesh.faces) { (used, faces) } else { (firsts.to_vec(), mesh.faces) }
 }
 
 /// For each vertex of a part the lowest one whose attributes are all the same.

@@ -55,6 +55,7 @@ pub(super) fn plain(maps: &BakedMaps) -> UvSetOutput<'_> {
         mean_color: None,
         means: &[],
         repeat_weights_in_uv: false,
+        triangles: TriangleOrder::Input,
         material_space: None,
     }
 }
@@ -159,4 +160,36 @@ fn influences_of_a_skin_are_merged_between_vertices() {
     assert_eq!(of("COLOR_0", middle), [15, 20, 31]);
     let kiln: Vec<u8> = read("_KILN_WEIGHTS").0;
     assert!(kiln.chunks(4).all(|w| w.iter().map(|&w| u32::from(w)).sum::<u32>() == 255));
+}
+
+#[test]
+fn triangles_for_a_cache_are_the_same_in_another_order() {
+    use crate::synth::rendering_sequence::{CACHE, acmr};
+    for path in scenes("meshes") {
+        let Ok((doc, surface)) = read(&path).and_then(|d| d.surface(None).map(|s| (d, s))) else { continue };
+        if !(500..10_000).contains(&surface.mesh.faces.len()) {
+            continue;
+        }
+        let synthesis = subdivided(&surface);
+        let (sets, maps) = (uv_sets(&synthesis), maps(&[Use::BaseColor]));
+        let written = |triangles| {
+            let output = UvSetOutput { weld_texels: 100.0, triangles, ..plain(&maps) };
+            again(&write_uv_sets(&doc, &surface, &synthesis, &sets, &output).unwrap()).surface(None).unwrap()
+        };
+        let [before, after] = [TriangleOrder::Input, TriangleOrder::Cache].map(written);
+        let triangles = |s: &crate::mesh::Surface| {
+            let corner = |f: usize, k: usize| {
+                let (p, uv) = (s.mesh.corners(f)[k], s.corner_uvs[0][3 * f + k]);
+                [p.x.to_bits(), p.y.to_bits(), p.z.to_bits(), u64::from(uv.u.to_bits()), u64::from(uv.v.to_bits())]
+            };
+            let mut all: Vec<_> = (0..s.mesh.faces.len()).map(|f| [0, 1, 2].map(|k| corner(f, k))).collect();
+            all.sort_unstable();
+            all
+        };
+        assert_eq!(triangles(&before), triangles(&after), "{}", path.display());
+        assert_eq!(before.mesh.positions.len(), after.mesh.positions.len());
+        let ratio = |s: &crate::mesh::Surface| acmr(&s.mesh.faces, s.mesh.positions.len(), CACHE);
+        println!("{}: {:.3} to {:.3}", path.display(), ratio(&before), ratio(&after));
+        assert!(ratio(&after) <= ratio(&before) * 1.05, "{}", path.display());
+    }
 }
