@@ -9,6 +9,7 @@ pub mod csr;
 pub mod det;
 pub mod eigen;
 pub mod gridcut;
+pub mod kmeans;
 pub mod knn;
 pub mod multigrid;
 pub mod par;

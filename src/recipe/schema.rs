@@ -291,6 +291,9 @@ pub struct Analysis {
     pub count: Count,
     /// texton: what is clustered.
     pub features: TextonFeatures,
+    /// texton: orientations in which neighbours that lie turned are compared; 1 compares them as they lie.
+    #[schemars(transform = within(limits::ROTATIONS))]
+    pub rotations: u32,
     /// material-space: layers of the tile.
     #[schemars(transform = within(limits::LAYERS))]
     pub layers: u32,
@@ -311,6 +314,7 @@ impl Default for Analysis {
             window: 11,
             count: Count::Word(Auto::Auto),
             features: TextonFeatures::Window,
+            rotations: 1,
             layers: 8,
             key: Vec::new(),
         }
@@ -481,6 +485,13 @@ pub struct Synthesis {
     pub refine: u32,
     /// How patches meet.
     pub blend: Blend,
+    /// texton: places of the sample that are ranked for each piece, m.
+    #[schemars(transform = within(limits::CANDIDATES))]
+    pub candidates: u32,
+    /// texton: edges are blended where the mean difference of the colours (0..1 per channel, as displayed) on their two
+    /// sides is greater.
+    #[schemars(transform = within(limits::BLEND_THRESHOLD))]
+    pub blend_threshold: f64,
 }
 
 impl Default for Synthesis {
@@ -492,6 +503,8 @@ impl Default for Synthesis {
             patch: 1.0,
             refine: 2,
             blend: Blend::Linear,
+            candidates: 64,
+            blend_threshold: 0.02,
         }
     }
 }

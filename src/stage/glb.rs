@@ -149,7 +149,7 @@ fn sample_maps(recipe: &str, maps: &MapSet) -> Result<(BakedMaps, Means), StepEr
 }
 
 impl Step for UvSetsGlb {
-    super::step_identity!("uv sets glb", 1);
+    super::step_identity!("uv sets glb", 2);
 
     fn describe(&self, v: &mut dyn Visitor) {
         v.param("name", &self.recipe);
@@ -176,6 +176,7 @@ impl Step for UvSetsGlb {
             means: &means,
             repeat_weights_in_uv: false,
             material_space: None,
+            edge_metric: &synthesised.metric,
         };
         Ok(write_uv_sets(&document, &surface, &prepared.mesh, &synthesised.sets, &output)?)
     }

@@ -4,16 +4,17 @@ use serde_json::{Value, json};
 
 use crate::bake::Atlas;
 use crate::build::{Inputs, Step, StepError, Visitor};
-use crate::exemplar::JumpMap;
+use crate::exemplar::{JumpMap, TextonMap};
+use crate::io::artefact::Artefact;
 use crate::mesh::Surface;
 use crate::synth::source_map::ImageCounters;
 use crate::synth::source_strips::SourceStrips;
 
 use super::prepare::Prepared;
 use super::rasterise::Bundle;
-use super::synthesise::Synthesised;
+use super::synthesise::{Counters, Synthesised};
 
-/// Reads surface, synthesis mesh, corner coordinates and jump map, and of an atlas bake the atlas and its images.
+/// Reads surface, synthesis mesh, corner coordinates and what was analysed, and of an atlas bake the atlas and its images.
 pub(super) struct Report {
     pub recipe: String,
 }
@@ -29,8 +30,7 @@ impl Step for Report {
         let surface: Surface = super::read(inputs, 0)?;
         let prepared: Prepared = super::read(inputs, 1)?;
         let synthesised: Synthesised = super::read(inputs, 2)?;
-        let map = JumpMap::from_bytes(&inputs[3])?;
-        let c = synthesised.counters;
+        let (sample, how) = described(&synthesised.counters, &inputs[3])?;
         let mut report = json!({
             "recipe": self.recipe,
             "mesh": {
@@ -38,21 +38,16 @@ impl Step for Report {
                 "vertices": surface.mesh.positions.len(),
                 "primitives": surface.parts.len(),
             },
-            "exemplar": exemplar(&map),
+            "exemplar": sample,
             "synthesis": {
                 "texels_per_unit": prepared.scale,
                 "triangles": prepared.mesh.mesh.faces.len(),
                 "vertices": prepared.mesh.mesh.positions.len(),
                 "sets": synthesised.sets.sets.len(),
-                "walk": {
-                    "seeds": c.seeds,
-                    "continuations": c.continuations,
-                    "jumps": c.jumps,
-                    "dropped_invalid": c.dropped_invalid,
-                    "random_fallbacks": c.random_fallbacks,
-                },
             },
         });
+        let (key, counts) = how;
+        report["synthesis"][key] = counts;
         if inputs.len() > 4 {
             let atlas: Atlas = super::read(inputs, 4)?;
             let bundle: Bundle = super::read(inputs, 5)?;
@@ -67,6 +62,38 @@ impl Step for Report {
         }
         text(&report)
     }
+}
+
+/// What the analysis' bytes hold, and what the synthesis did with it, by its name.
+fn described(counters: &Counters, analysis: &[u8]) -> Result<(Value, (&'static str, Value)), StepError> {
+    Ok(match counters {
+        Counters::Walk(c) => {
+            let walk = json!({
+                "seeds": c.seeds,
+                "continuations": c.continuations,
+                "jumps": c.jumps,
+                "dropped_invalid": c.dropped_invalid,
+                "random_fallbacks": c.random_fallbacks,
+            });
+            (exemplar(&JumpMap::from_bytes(analysis)?), ("walk", walk))
+        }
+        Counters::Quilt { quilt: c, faces, blended, edge_error } => {
+            let map = TextonMap::from_bytes(analysis)?;
+            let sample = json!({ "width": map.width(), "height": map.height(), "textons": map.count() });
+            let quilt = json!({
+                "faces": faces,
+                "pieces": c.pieces,
+                "seeds": c.seeds,
+                "continued": c.continued,
+                "closings": c.closings,
+                "reopened": c.reopened,
+                "relaxed": c.relaxed,
+                "blended_edges": blended,
+                "edge_error": edge_error,
+            });
+            (sample, ("quilt", quilt))
+        }
+    })
 }
 
 /// Reads the jump map and the sources of a canvas.

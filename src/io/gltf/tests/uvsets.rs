@@ -56,6 +56,7 @@ pub(super) fn plain(maps: &BakedMaps) -> UvSetOutput<'_> {
         means: &[],
         repeat_weights_in_uv: false,
         material_space: None,
+        edge_metric: &[],
     }
 }
 
