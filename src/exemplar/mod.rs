@@ -1,6 +1,6 @@
 //! Analysis of a sample: for every texel, where else the sample looks alike.
 //!
-//! [`analyse`] is the way in: it reads as figure 2 of \[ZG02\], one file per step.
+//! [`analyse`] is the way in: it reads as figure 2 of \[ZG02\], one file per step. [`analyse_textons`] is the other, \[MK03\].
 
 mod analysis;
 mod appearance;

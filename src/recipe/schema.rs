@@ -475,12 +475,13 @@ pub struct Synthesis {
     /// Another seed gives another texture of the same kind.
     #[schemars(transform = within(limits::SEED))]
     pub seed: u64,
-    /// In which order vertices are visited.
+    /// jump-map: in which order vertices are visited. Textons grow in an order of their own.
     pub order: WalkOrder,
-    /// Mean distance between jumps, in exemplar sides; 1.0 to 1.5 is usual.
+    /// Mean distance between jumps, in exemplar sides; 1.0 to 1.5 is usual. texton: size of the pieces; at 1 they reach a
+    /// sixteenth of the exemplar's shorter side around their middle.
     #[schemars(transform = within(limits::PATCH))]
     pub patch: f64,
-    /// Correction passes over all neighbours; 0 is the published method.
+    /// Correction passes over all neighbours; 0 is the published method (texton: one triangle at a time).
     #[schemars(transform = within(limits::REFINE))]
     pub refine: u32,
     /// How patches meet.

@@ -507,6 +507,27 @@ fn a_canvas_has_no_surface() {
 }
 
 #[test]
+fn textons_have_their_keys_and_only_they() {
+    let analysis = "[analysis]\nmethod = 'texton'\nwindow = 9\ncount = 200\nfeatures = 'filter-bank'\nrotations = 8\n";
+    let text = LEAST.to_string() + analysis + "[synthesis]\ncandidates = 32\nblend_threshold = 0.1\n";
+    let recipe = parse(Path::new("r.toml"), text.as_bytes(), None).unwrap_or_else(|f| panic!("{f}"));
+    let features = TextonFeatures::FilterBank;
+    assert_eq!(
+        recipe.analysis.textons,
+        Some(Textons { window: 9, count: Some(200), features, rotations: 8, candidates: 32, blend_threshold: 0.1 })
+    );
+    let none = faults(&text.replace("candidates = 32", "candidates = 0"));
+    assert!(none.len() == 1 && none[0].contains("`synthesis.candidates` can't be 0"), "{none:?}");
+    let nan = faults(&text.replace("blend_threshold = 0.1", "blend_threshold = nan"));
+    assert!(nan.len() == 1 && nan[0].contains("`synthesis.blend_threshold` can't be nan"), "{nan:?}");
+    let jumps = faults(&text.replace(analysis, ""));
+    assert!(jumps.len() == 2 && jumps[0].contains("belongs to the method \"texton\""), "{jumps:?}");
+    let canvas = "canvas = { size = [8, 8] }\nanalysis = { method = 'texton' }\n[exemplar]\nbase_color = 'a.png'\n";
+    let found = faults(canvas);
+    assert!(found.len() == 1 && found[0].contains("a canvas has none"), "{found:?}");
+}
+
+#[test]
 fn what_is_not_built_yet_parses_and_is_refused_by_name() {
     let texton = "analysis = { method = 'texton', window = 9, count = 'auto', features = 'filter-bank' }\n";
     assert_eq!(faults(&(texton.to_string() + LEAST)), [""; 0]);

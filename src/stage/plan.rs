@@ -434,7 +434,7 @@ impl Planner<'_> {
 }
 
 /// How far a piece of a quilt reaches around its first triangle, in exemplar sides, where `patch` is 1.
-const PIECE_REACH: f64 = 0.125;
+const PIECE_REACH: f64 = 0.0625;
 
 fn uv_blend(blend: recipe::Blend) -> Blend {
     match blend {

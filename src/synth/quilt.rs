@@ -34,12 +34,16 @@ pub struct QuiltParams {
     /// Passes in which pieces are opened again; 0 is the published method, one triangle at a time.
     pub refine: u32,
     /// How far a piece reaches around its first triangle, as a share of the exemplar's shorter side; positive.
+    ///
+    /// A sixteenth does best on basket, radishes and wicker over a plane of 4608 triangles: against pieces of an eighth,
+    /// mean distance of 9x9 patches to the exemplar's nearest 5.9 (6.9), 7.8 (8.5), 8.0 (12.3); of a thirty-second 9.7,
+    /// 11.8 and more.
     pub reach: f64,
 }
 
 impl Default for QuiltParams {
     fn default() -> Self {
-        QuiltParams { seed: 0, candidates: 64, refine: 2, reach: 0.125 }
+        QuiltParams { seed: 0, candidates: 64, refine: 2, reach: 0.0625 }
     }
 }
 
@@ -69,6 +73,8 @@ pub struct Quilt {
     pub counters: QuiltCounters,
 }
 
+/// Pieces per parallel task.
+const CHUNK: usize = 32;
 /// Most candidates.
 const MAX_CANDIDATES: u32 = 4096;
 /// Places that are compared texel by texel.
@@ -252,7 +258,7 @@ impl Job<'_> {
             self.counters.seeds += 1;
             let mut round = vec![seed];
             while !round.is_empty() {
-                let found = par::map_chunks(round.len(), 4, |r| {
+                let found = par::map_chunks(round.len(), CHUNK, |r| {
                     let mut ballot = Ballot::default();
                     round[r].iter().map(|p| self.search(*p as usize, None, &mut ballot)).collect::<Vec<_>>()
                 });
@@ -280,7 +286,7 @@ impl Job<'_> {
             let before = self.counters.reopened;
             for colour in &colours {
                 let some: Vec<u32> = colour.iter().copied().filter(|p| dirty[*p as usize]).collect();
-                let found = par::map_chunks(some.len(), 4, |r| {
+                let found = par::map_chunks(some.len(), CHUNK, |r| {
                     let mut ballot = Ballot::default();
                     let origin = |p: usize| {
                         let f = self.patches.faces(p)[0] as usize;

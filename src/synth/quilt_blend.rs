@@ -21,7 +21,7 @@ use crate::numerics::vec::{Vec2, Vec3, vec2};
 use crate::texture::{Texel, texel};
 use crate::uvset::{Blend, UvSets};
 
-/// Frames that are turned by more than this against each other, in radians, have no common mean.
+/// Frames that are turned by more than this against each other, in radians, have no common mean; the lower face's counts.
 const SHARP_TURN: f64 = 0.8;
 
 /// A quilt with its edges blended.
@@ -31,8 +31,9 @@ pub struct Blended {
     pub mesh: SynthesisMesh,
     /// Coordinates and weights: one set if no edge is blended, else four.
     pub sets: UvSets,
-    /// For each corner the continuity error and the length, in world units, of the edge that its triangle blends; zeros
-    /// where none is.
+    /// For each corner the continuity error and the length, in world units, of the edge that its triangle blends, the same
+    /// at all three; of a triangle that only blends towards a ruling place those of the worst blended edge at that vertex;
+    /// zeros where nothing is blended.
     pub metric: Vec<[f32; 2]>,
     /// Number of edges that are blended.
     pub blended: u64,
@@ -68,7 +69,7 @@ pub fn blend_edges(
     if blend == Blend::Nearest {
         seams = vec![[false; 3]; n];
     }
-    let rule = Rule::new(mesh, facets, at, &seams, blend);
+    let rule = Rule::new(mesh, facets, at, errors, &seams);
     let mut out = Builder {
         source: mesh,
         facets,
@@ -94,21 +95,33 @@ pub fn blend_edges(
 
 /// The place that rules at each corner's vertex, if it is not the corner's own.
 struct Rule {
-    /// `foreign[3 * face + corner]`: where the vertex lies in the ruling face's place.
-    foreign: Vec<Option<Vec2>>,
+    /// `foreign[3 * face + corner]`: where the vertex lies in the ruling face's place, and the measure of the worst blended
+    /// edge there.
+    foreign: Vec<Option<(Vec2, [f32; 2])>>,
+}
+
+/// The continuity error and length in world units of an edge.
+fn measure(mesh: &SynthesisMesh, errors: &[[f32; 3]], f: usize, k: usize) -> [f32; 2] {
+    let p = mesh.mesh.corners(f);
+    [errors[f][k], (p[(k + 1) % 3] - p[k]).length() as f32]
+}
+
+/// The measure of more visibility, the first of equals.
+fn worse(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
+    if b[0] * b[1] > a[0] * a[1] { b } else { a }
 }
 
 impl Rule {
-    fn new(mesh: &SynthesisMesh, facets: &Facets, at: &[Vec2], seams: &[[bool; 3]], blend: Blend) -> Self {
+    fn new(mesh: &SynthesisMesh, facets: &Facets, at: &[Vec2], errors: &[[f32; 3]], seams: &[[bool; 3]]) -> Self {
         let faces = &mesh.mesh.faces;
         let mut foreign = vec![None; 3 * faces.len()];
-        if blend == Blend::Nearest {
-            return Rule { foreign };
-        }
         let mut corners: Vec<(u32, u32)> =
             faces.iter().enumerate().flat_map(|(f, v)| (0..3).map(move |i| (v[i], 3 * f as u32 + i as u32))).collect();
         corners.sort_unstable();
         for around in corners.chunk_by(|a, b| a.0 == b.0) {
+            let edges = |c: u32| [c as usize % 3, (c as usize + 2) % 3].map(|k| (c as usize / 3, k));
+            let blended = around.iter().flat_map(|(_, c)| edges(*c)).filter(|(f, k)| seams[*f][*k]);
+            let Some(worst) = blended.map(|(f, k)| measure(mesh, errors, f, k)).reduce(worse) else { continue };
             let position = |c: u32| around.iter().position(|a| a.1 == c);
             // Parts of the faces around: the lowest corner stands for each.
             let mut part: Vec<usize> = (0..around.len()).collect();
@@ -119,8 +132,7 @@ impl Rule {
                 i
             };
             for (i, &(v, c)) in around.iter().enumerate() {
-                let (f, k) = (c as usize / 3, c as usize % 3);
-                for edge in [k, (k + 2) % 3] {
+                for (f, edge) in edges(c) {
                     let Some((g, _)) = facets.opposite(f, edge).filter(|_| !seams[f][edge]) else { continue };
                     let Some(j) = faces[g].iter().position(|w| *w == v) else { continue };
                     if let Some(other) = position(3 * g as u32 + j as u32) {
@@ -137,7 +149,7 @@ impl Rule {
             let place = at[c / 3] + facets.local[c / 3][c % 3];
             for (i, &(_, c)) in around.iter().enumerate() {
                 if root(&part, i) != ruler {
-                    foreign[c as usize] = Some(place);
+                    foreign[c as usize] = Some((place, worst));
                 }
             }
         }
@@ -233,13 +245,15 @@ impl Builder<'_> {
         let mut weights = [[0.0f32; 4]; 3];
         // A whole face may have three rulers, but then it has no edge to blend over.
         let mut free = if edge.is_none() { 1 } else { 2 };
+        let mut metric = [0.0; 2];
         for (i, p) in points.iter().enumerate() {
             match *p {
                 Point::Centre => weights[i][0] = 1.0,
                 Point::Middle(_) => weights[i] = [0.5, 0.5, 0.0, 0.0],
                 Point::Corner(c) => match self.rule.foreign[3 * f + c] {
                     None => weights[i][0] = 1.0,
-                    Some(place) => {
+                    Some((place, worst)) => {
+                        metric = worse(metric, worst);
                         sets[free] = points.map(|q| place + self.from_corner(f, c, q));
                         weights[i][free] = 1.0;
                         free += 1;
@@ -252,10 +266,7 @@ impl Builder<'_> {
             set.extend(places.map(|p| texel((p.x as f32).clamp(0.5, w), (p.y as f32).clamp(0.5, h))));
         }
         self.weights.extend(weights);
-        let metric = edge.map_or([0.0; 2], |k| {
-            let p = self.source.mesh.corners(f);
-            [self.errors[f][k], (p[(k + 1) % 3] - p[k]).length() as f32]
-        });
+        let metric = edge.map_or(metric, |k| measure(self.source, self.errors, f, k));
         self.metric.extend([metric; 3]);
     }
 
@@ -287,21 +298,27 @@ impl Builder<'_> {
         }))
     }
 
-    /// The way from a corner of a face to another of its points. Along edges it is the mean of what both faces see, so that
-    /// they agree; towards the centre it is the face's own.
+    /// The way from a corner of a face, at whose vertex another place rules, to another of its points. Along edges both
+    /// faces agree: it is the way of the face beyond if that shows its own place there, else the mean of both; towards the
+    /// centre it is the face's own.
     fn from_corner(&self, f: usize, c: usize, to: Point) -> Vec2 {
         let own = |p: Point| self.local(f, p) - self.facets.local[f][c];
         let along = |end: usize| {
-            let k = if end == (c + 1) % 3 { c } else { end };
+            // Edge c starts at the corner, the one at `end` ends there.
+            let starts = end == (c + 1) % 3;
+            let k = if starts { c } else { end };
             let way = own(Point::Corner(end));
-            match self.facets.opposite(f, k).filter(|_| self.facets.turn(f, k).abs() < SHARP_TURN) {
-                None => way,
-                Some((g, j)) => {
-                    let [d, e] = self.facets.edge(g, j);
-                    // Their edge runs against ours.
-                    let theirs = if end == (c + 1) % 3 { d - e } else { e - d };
-                    (way + theirs) * 0.5
-                }
+            let Some((g, j)) = self.facets.opposite(f, k) else { return way };
+            // Their edge runs against ours.
+            let ([d, e], at) = (self.facets.edge(g, j), if starts { (j + 1) % 3 } else { j });
+            let theirs = if starts { d - e } else { e - d };
+            let is_sharp = self.facets.turn(f, k).abs() > SHARP_TURN;
+            if self.rule.foreign[3 * g + at].is_none() || (is_sharp && g < f) {
+                theirs
+            } else if is_sharp {
+                way
+            } else {
+                (way + theirs) * 0.5
             }
         };
         match to {

@@ -49,39 +49,28 @@ impl Patches {
             while let Some(seed) = seeds.pop_front() {
                 if of[seed] == NONE {
                     let near = |c: Vec2| c.length() <= reach;
-                    lay(facets, seed, &mut rel, &mut of, NONE, count, near, |g| seeds.push_back(g));
+                    lay(facets, seed, &mut rel, &mut of, count, near, |g| seeds.push_back(g));
                     count += 1;
                 }
             }
         }
-        let mut patches = merged(facets, of, count);
-        let mut of = vec![NONE; facets.len()];
-        let mut next = 0;
-        // Laid out as they are now; what is too large, or no longer one piece, falls apart.
-        for p in 0..count {
-            let members: Vec<u32> = (0..patches.by[p as usize].len()).map(|i| patches.by[p as usize][i]).collect();
-            for &f in &members {
-                if of[f as usize] != NONE {
-                    continue;
-                }
-                let same = std::mem::take(&mut patches.of);
-                let laid = {
-                    let mut laid = vec![];
-                    lay_same(facets, f as usize, &same, &mut rel, &mut of, next, &mut laid);
-                    laid
-                };
-                patches.of = same;
-                let (low, high) = bounds(facets, &rel, &laid);
-                let fits = high.x - low.x <= most[0] && high.y - low.y <= most[1];
-                if fits {
-                    next += 1;
-                    continue;
-                }
-                for g in laid {
-                    of[g as usize] = next;
-                    rel[g as usize] = Vec2::ZERO;
-                    next += 1;
-                }
+        let Merged { of: same, by } = merged(facets, of, count);
+        let (mut of, mut next) = (vec![NONE; facets.len()], 0);
+        // Laid out as they are now; what is no longer one piece is several, what is too large falls apart.
+        for &f in by.iter().flatten() {
+            if of[f as usize] != NONE {
+                continue;
+            }
+            let laid = lay_same(facets, f as usize, &same, &mut rel, &mut of, next);
+            next += 1;
+            let (low, high) = bounds(facets, &rel, &laid);
+            if high.x - low.x <= most[0] && high.y - low.y <= most[1] {
+                continue;
+            }
+            for &g in &laid[1..] {
+                of[g as usize] = next;
+                rel[g as usize] = Vec2::ZERO;
+                next += 1;
             }
         }
         Self::sorted(of, rel, next as usize)
@@ -127,15 +116,13 @@ fn beside(facets: &Facets, f: usize, k: usize, g: usize, j: usize, at: Vec2) -> 
     at + facets.middle(f, k) - facets.middle(g, j)
 }
 
-/// Lays faces marked `from` out around a seed while their centres, seen from its own, are `near`; marks them `to` and
+/// Lays faces without a patch out around a seed while their centres, seen from its own, are `near`; marks them `to` and
 /// reports the faces beyond.
-#[allow(clippy::too_many_arguments, reason = "one walk, used twice")]
 fn lay(
     facets: &Facets,
     seed: usize,
     rel: &mut [Vec2],
     of: &mut [u32],
-    from: u32,
     to: u32,
     near: impl Fn(Vec2) -> bool,
     mut beyond: impl FnMut(usize),
@@ -146,7 +133,7 @@ fn lay(
     let mut queue = VecDeque::from([seed]);
     while let Some(f) = queue.pop_front() {
         for k in 0..3 {
-            let Some((g, j)) = facets.opposite(f, k).filter(|(g, _)| of[*g] == from) else { continue };
+            let Some((g, j)) = facets.opposite(f, k).filter(|(g, _)| of[*g] == NONE) else { continue };
             let at = beside(facets, f, k, g, j, rel[f]);
             if near(at + centre(g) - origin) {
                 (rel[g], of[g]) = (at, to);
@@ -158,18 +145,10 @@ fn lay(
     }
 }
 
-/// Lays the faces that `same` gives the seed's mark out around it; marks them `to`.
-fn lay_same(
-    facets: &Facets,
-    seed: usize,
-    same: &[u32],
-    rel: &mut [Vec2],
-    of: &mut [u32],
-    to: u32,
-    laid: &mut Vec<u32>,
-) {
+/// Lays the faces that `same` gives the seed's mark out around it; marks them `to` and returns them, the seed first.
+fn lay_same(facets: &Facets, seed: usize, same: &[u32], rel: &mut [Vec2], of: &mut [u32], to: u32) -> Vec<u32> {
     (rel[seed], of[seed]) = (Vec2::ZERO, to);
-    laid.push(seed as u32);
+    let mut laid = vec![seed as u32];
     let mut next = 0;
     while next < laid.len() {
         let f = laid[next] as usize;
@@ -182,6 +161,7 @@ fn lay_same(
             }
         }
     }
+    laid
 }
 
 struct Merged {

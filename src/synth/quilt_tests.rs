@@ -127,3 +127,56 @@ fn print_orders() {
         assert_eq!(q.counters.pieces, facets.len() as u64);
     }
 }
+
+/// Mean continuity error of edges, weighted by length, of a quilt, of random places, and of the best place that each edge
+/// alone could have, if its other side stays.
+#[test]
+fn edges_are_far_better_than_random_and_near_the_best_there_is() {
+    use crate::exemplar::TextonFeatures;
+    use crate::texture::{Texel, texel};
+    use crate::uvset::metric::continuity_error;
+    let sample = Texture::from_fn(96, 96, 1, |x, y, out| out[0] = noise(x, y));
+    let maps = MapSet::new(vec![(MapKind::Height, sample.clone())]);
+    let m = zoo::torus(24, 16);
+    let facets = facets(&m, None, 16.0);
+    let end = |p: Vec2| -> Texel { texel(p.x as f32, p.y as f32) };
+    let edges = || (0..facets.len()).flat_map(|f| (0..3).map(move |k| (f, k)));
+    let mean = |at: &dyn Fn(usize) -> Vec2| {
+        let (mut sum, mut all) = (0.0, 0.0);
+        for (f, k) in edges() {
+            let Some((g, j)) = facets.opposite(f, k) else { continue };
+            let ([a, b], [d, c]) = (facets.edge(f, k), facets.edge(g, j));
+            let error = continuity_error(&sample, [a, b].map(|p| end(at(f) + p)), [c, d].map(|p| end(at(g) + p)));
+            let length = (b - a).length();
+            (sum, all) = (sum + f64::from(error) * length, all + length);
+        }
+        sum / all
+    };
+    let key = Key::new(77);
+    let random: Vec<Vec2> =
+        (0..facets.len()).map(|f| Inside::new([96, 96], box_of(&facets.local[f])).random(key.with(f as u64))).collect();
+    let chance = mean(&|f| random[f]);
+    for features in [TextonFeatures::Window, TextonFeatures::FilterBank] {
+        let map = analyse_textons(&maps, &TextonParams { features, ..TextonParams::default() }).unwrap().0;
+        for refine in [0, 2] {
+            let q = quilt(&map, &facets, &QuiltParams { refine, ..QuiltParams::default() }).unwrap();
+            let found = mean(&|f| q.at[f]);
+            // Of every seventh edge: the least error that some whole shift of the face beyond would give.
+            let (mut best, mut count) = (0.0, 0);
+            for (f, k) in edges().step_by(7).take(60) {
+                let Some((g, j)) = facets.opposite(f, k) else { continue };
+                let ([a, b], [d, c]) = (facets.edge(f, k), facets.edge(g, j));
+                let ours = [a, b].map(|p| end(q.at[f] + p));
+                let inside = Inside::new([96, 96], box_of(&facets.local[g]));
+                let there = q.at[f] + (a + b) * 0.5 - (c + d) * 0.5;
+                let shifts = (-95..=95).flat_map(|y| (-95..=95).map(move |x| there + vec2(f64::from(x), f64::from(y))));
+                let error = |at: Vec2| continuity_error(&sample, ours, [c, d].map(|p| end(at + p)));
+                best += f64::from(shifts.filter(|at| inside.contains(*at)).map(error).fold(f32::INFINITY, f32::min));
+                count += 1;
+            }
+            let best = best / f64::from(count);
+            println!("{features:?}, refine {refine}: {found:.4}; random {chance:.4}, best possible {best:.4}");
+            assert!(found < 0.35 * chance, "{found} against {chance}");
+        }
+    }
+}
