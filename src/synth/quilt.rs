@@ -4,7 +4,8 @@
 //! Reads as:
 //! - "Grown on the surface from that initial face": next come the pieces with the greatest share of their border finished,
 //!   all of a round at once that are not adjacent (at least [`ROUND_SHARE`] of the greatest share), so that they can be
-//!   searched in parallel. Strictly one after the other is no better (see `tests::print_orders`).
+//!   searched in parallel. Strictly one after the other is no better: 2410 seams among 4608 edges of a torus in smooth
+//!   noise, by rounds 2144 (`tests::print_orders`).
 //! - Candidates are the m places with the most votes and the places that continue a finished neighbour, which votes would
 //!   only find to within a texel. Of those that Eq. 2 ranks best the final choice is by the texels' own vectors: clusters
 //!   do not tell a good match from a perfect one.
@@ -216,6 +217,13 @@ impl Job<'_> {
         let base = now.unwrap_or(places[0]);
         let mut candidates: Vec<Vec2> = places.iter().copied().filter(|p| inside.contains(*p)).collect();
         let continuations = candidates.len();
+        // Nothing beats a place where all edges go on: most pieces need no votes.
+        let goes_on = |at: &Vec2| fine_error(self.map, &string, *at) == 0;
+        if now.is_some_and(|now| goes_on(&now)) {
+            return None;
+        } else if let Some(&origin) = candidates.iter().find(|at| goes_on(at)) {
+            return Some(Found { origin, continues: true });
+        }
         if let Some(now) = now {
             let steps = [-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0];
             let shifts = steps.iter().flat_map(|y| steps.iter().map(move |x| now + vec2(*x, *y)));

@@ -254,7 +254,7 @@ impl Builder<'_> {
                     None => weights[i][0] = 1.0,
                     Some((place, worst)) => {
                         metric = worse(metric, worst);
-                        sets[free] = points.map(|q| place + self.from_corner(f, c, q));
+                        sets[free] = points.map(|q| place + self.way_from_corner(f, c, q));
                         weights[i][free] = 1.0;
                         free += 1;
                     }
@@ -301,7 +301,7 @@ impl Builder<'_> {
     /// The way from a corner of a face, at whose vertex another place rules, to another of its points. Along edges both
     /// faces agree: it is the way of the face beyond if that shows its own place there, else the mean of both; towards the
     /// centre it is the face's own.
-    fn from_corner(&self, f: usize, c: usize, to: Point) -> Vec2 {
+    fn way_from_corner(&self, f: usize, c: usize, to: Point) -> Vec2 {
         let own = |p: Point| self.local(f, p) - self.facets.local[f][c];
         let along = |end: usize| {
             // Edge c starts at the corner, the one at `end` ends there.
