@@ -3,7 +3,7 @@
 //! Source: \[MK03\] section 3.2.2. In: textons, faces laid flat. Out: for each face where its first corner lies.
 //! Reads as:
 //! - "Grown on the surface from that initial face": next come the pieces with the greatest share of their border finished,
-//!   all of a round at once that are not adjacent (at least [`ROUND_SHARE`] of the greatest share), so that they can be
+//!   all of a round at once that are not adjacent (at least `ROUND_SHARE` of the greatest share), so that they can be
 //!   searched in parallel. Strictly one after the other is no better: 2410 seams among 4608 edges of a torus in smooth
 //!   noise, by rounds 2144 (`tests::print_orders`).
 //! - Candidates are the m places with the most votes and the places that continue a finished neighbour, which votes would
