@@ -15,9 +15,9 @@
 //!   uvset  texture  mesh  numerics
 //! ```
 //!
-//! The path of the data: `io` decodes maps and a scene; [`exemplar`] analyses the maps into a jump map; [`mesh`] welds
+//! The path of the data: `io` decodes maps and a scene; [`exemplar`] analyses the maps into a jump map or textons; [`mesh`] welds
 //! and subdivides the scene into the synthesis mesh; [`field`] lays an orientation over it and turns every edge into an
-//! offset in texels; [`synth`] walks the vertices and hands out corner coordinates, the narrow waist [`uvset`]; [`bake`]
+//! offset in texels; [`synth`] walks the vertices or quilts the faces and hands out corner coordinates, the narrow waist [`uvset`]; [`bake`]
 //! unwraps and rasterises that into an atlas; [`render`] looks at it. [`stage`] wraps each of these kernels as a step,
 //! [`build`] runs the steps that are stale, [`golden`] compares what came out with what was accepted.
 //!

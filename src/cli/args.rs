@@ -146,6 +146,7 @@ Examples:
     #[command(after_help = "\
 Examples:
   kiln inspect moss.png
+  kiln inspect moss.png --texton-map textons.png
   kiln inspect statue.glb
   kiln inspect out/statue/statue.glb --format json")]
     Inspect(Inspect),
@@ -322,6 +323,9 @@ pub struct Inspect {
     /// Only what a picture's file says, not what an analysis of it finds
     #[arg(long)]
     pub quick: bool,
+    /// Write the textons of a picture as a PNG: one colour for texels whose surroundings look alike
+    #[arg(long, value_name = "OUT.png", value_hint = ValueHint::FilePath)]
+    pub texton_map: Option<PathBuf>,
 }
 
 /// `kiln cache`.

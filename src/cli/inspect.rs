@@ -5,15 +5,18 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use crate::disk::{Disk, Real};
-use crate::exemplar::{AnalysisParams, JUMP_MAP_MAGIC, JumpMap, analyse_measured};
+use crate::exemplar::{
+    AnalysisParams, JUMP_MAP_MAGIC, JumpMap, TextonMap, TextonParams, analyse_measured, analyse_textons,
+};
 use crate::field::{Laid, Singularity, Symmetry};
 use crate::io::artefact::Artefact;
-use crate::io::image_file::{Format as Picture, Limits, decode_pixels};
+use crate::io::image_file::{Compression, Format as Picture, Limits, Transfer, decode_pixels, encode_png};
 use crate::io::image_set::{Options, Slot, load};
-use crate::io::named;
 use crate::io::scene::Document;
+use crate::io::{Pixels, Samples, named};
 use crate::mesh::{PrepareParams, Topology, check::census, prepare};
 use crate::numerics::par;
+use crate::numerics::rng::Key;
 use crate::synth::rendering_sequence::{CACHE, acmr};
 use crate::texture::{MapKind, Wrap};
 
@@ -33,10 +36,18 @@ pub(super) fn run(global: &Global, args: &Inspect) -> Result<Done, Stop> {
     let bytes = Real.read(path, LIMIT).map_err(|e| Stop::Failed(format!("{}: {e}", path.display())))?;
     let facts = if Picture::of(&bytes).is_some() {
         let mut facts = picture(path, &bytes)?;
+        if let Some(out) = &args.texton_map {
+            let map = par::install(jobs(global), || textons(path, &bytes, &mut facts))?;
+            if !global.dry_run {
+                super::bake::write(out, &texton_picture(&map)?)?;
+            }
+        }
         if !args.quick {
             par::install(jobs(global), || analysis(path, &bytes, &mut facts));
         }
         facts
+    } else if args.texton_map.is_some() {
+        return Err(Stop::Usage(format!("{}: --texton-map is for pictures, and this is none", path.display())));
     } else if bytes.starts_with(JUMP_MAP_MAGIC) {
         jump_map(path, &bytes)?
     } else if Laid::is_one(&bytes) {
@@ -105,6 +116,29 @@ fn analysis(path: &Path, bytes: &[u8], facts: &mut Value) {
     facts["largest distance"] = rounded(report.max_distance);
     facts["recall"] = rounded(recall);
     jumps(&map, map.to_bytes().len(), facts);
+}
+
+/// The textons of a picture, as by a recipe with `method = "texton"` and nothing else; adds what was found.
+fn textons(path: &Path, bytes: &[u8], facts: &mut Value) -> Result<TextonMap, Stop> {
+    let fail = |why: String| Stop::Failed(format!("{}: {why}", path.display()));
+    let maps = load(&[(Slot::Map(MapKind::BaseColor), &path.display().to_string(), bytes)], &Options::default())
+        .map_err(|faults| fail(faults.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")))?;
+    let (map, report) = analyse_textons(&maps, &TextonParams::default()).map_err(|e| fail(e.to_string()))?;
+    facts["textons"] = json!(map.count());
+    facts["texton dimensions"] = json!([report.dimensions, report.kept_dimensions]);
+    facts["texton variance kept"] = rounded(report.kept_variance);
+    facts["texton iterations"] = json!(report.iterations);
+    facts["texton spread"] = rounded(report.spread);
+    Ok(map)
+}
+
+/// Labels as colours (\[MK03\] figure 2).
+fn texton_picture(map: &TextonMap) -> Result<Vec<u8>, Stop> {
+    let key = Key::new(1).with_str("pseudo-colours");
+    let color = |t: &u16| [0, 1, 2].map(|c| 32 + key.with(u64::from(*t)).below(c, 224) as u8);
+    let samples = Samples::U8(map.labels(0).iter().flat_map(color).collect());
+    let pixels = Pixels { width: map.width(), height: map.height(), channels: 3, samples };
+    encode_png(&pixels, Compression::Fast, Transfer::Srgb).map_err(|e| Stop::Failed(e.to_string()))
 }
 
 fn jump_map(path: &Path, bytes: &[u8]) -> Result<Value, Stop> {

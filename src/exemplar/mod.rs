@@ -1,6 +1,6 @@
 //! Analysis of a sample: for every texel, where else the sample looks alike.
 //!
-//! [`analyse`] is the way in: it reads as figure 2 of \[ZG02\], one file per step.
+//! [`analyse`] is the way in: it reads as figure 2 of \[ZG02\], one file per step. [`analyse_textons`] is the other, \[MK03\].
 
 mod analysis;
 mod appearance;
@@ -19,6 +19,10 @@ mod range_coder;
 mod sheet;
 #[cfg(test)]
 mod tests;
+mod texton;
+mod texton_error;
+mod texton_features;
+mod texton_filters;
 
 pub use analysis::{AnalysisReport, analyse, analyse_measured, analyse_sheet};
 pub use appearance::{Appearance, appearance, appearance_sheet};
@@ -30,3 +34,6 @@ pub use jump_map::{FloatJump, Jump, JumpMap};
 pub use jump_volume::{JumpVolume, VolumeJump};
 pub use params::AnalysisParams;
 pub use sheet::{Area, Sample, Sheet};
+pub use texton::{TextonMap, TextonParams, TextonReport, analyse_textons};
+pub use texton_error::TextonError;
+pub use texton_features::TextonFeatures;

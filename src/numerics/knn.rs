@@ -40,6 +40,21 @@ impl Points {
         Points { dims: dims.max(1), stride, scale, data: vec![0; len * stride] }
     }
 
+    /// Components per point, without the padding.
+    pub fn dims(&self) -> usize {
+        self.dims
+    }
+
+    /// Integer steps per unit of length.
+    pub fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// All components, point by point, with the padding.
+    pub fn data(&self) -> &[i16] {
+        &self.data
+    }
+
     /// Components per point with the padding.
     pub fn stride(&self) -> usize {
         self.stride
@@ -79,6 +94,17 @@ impl Points {
     /// A squared integer distance as a distance in the caller's unit of length.
     pub fn length(&self, squared: u32) -> f64 {
         f64::from(squared).sqrt() / self.scale
+    }
+
+    /// So many points at the origin, of the same components and scale.
+    pub fn empty_like(&self, len: usize) -> Points {
+        Points { data: vec![0; len * self.stride], ..*self }
+    }
+
+    /// Squared distance of a point from components of another, padded alike.
+    #[inline]
+    pub fn squared_distance_to(&self, a: u32, other: &[i16]) -> u32 {
+        squared_distance(self.point(a), other)
     }
 
     /// Squared distance of two points.

@@ -8,6 +8,7 @@ pub mod cg;
 pub mod csr;
 pub mod det;
 pub mod eigen;
+pub mod kmeans;
 pub mod knn;
 pub mod mincut;
 pub mod multigrid;

@@ -46,8 +46,14 @@ pub const DIVERSITY: RangeInclusive<u32> = 1..=64;
 pub const MIN_DISTANCE: RangeInclusive<f64> = 0.0..=4096.0;
 /// Side of a texton window, in texels; odd.
 pub const WINDOW: RangeInclusive<u32> = 3..=33;
-/// Number of textons.
-pub const TEXTONS: RangeInclusive<u32> = 2..=65536;
+/// Number of textons; the table of their distances grows with its square.
+pub const TEXTONS: RangeInclusive<u32> = 2..=4096;
+/// Orientations in which textons are known.
+pub const ROTATIONS: RangeInclusive<u32> = 1..=64;
+/// Places that are ranked for a piece of a quilt.
+pub const CANDIDATES: RangeInclusive<u32> = 1..=4096;
+/// Continuity error above which edges are blended: a distance of colours.
+pub const BLEND_THRESHOLD: RangeInclusive<f64> = 0.0..=1000.0;
 /// Layers of a material-space tile.
 pub const LAYERS: RangeInclusive<u32> = 2..=256;
 /// Texels per mesh unit.

@@ -48,19 +48,22 @@ const RIVALS: [(&str, &str, &str); 36] = [
     ("exemplar.orm", "exemplar.occlusion", "`orm` holds the occlusion in its red channel; keep one"),
 ];
 
-/// Keys of `[analysis]` that only one method reads.
-const METHOD_KEYS: [(&str, &str); 11] = [
-    ("neighbourhoods", "jump-map"),
-    ("jumps", "jump-map"),
-    ("variance", "jump-map"),
-    ("alpha", "jump-map"),
-    ("diversity", "jump-map"),
-    ("min_distance", "jump-map"),
-    ("window", "texton"),
-    ("count", "texton"),
-    ("features", "texton"),
-    ("layers", "material-space"),
-    ("key", "material-space"),
+/// Keys that only one method reads.
+const METHOD_KEYS: [(&str, &str); 14] = [
+    ("analysis.neighbourhoods", "jump-map"),
+    ("analysis.jumps", "jump-map"),
+    ("analysis.variance", "jump-map"),
+    ("analysis.alpha", "jump-map"),
+    ("analysis.diversity", "jump-map"),
+    ("analysis.min_distance", "jump-map"),
+    ("analysis.window", "texton"),
+    ("analysis.count", "texton"),
+    ("analysis.features", "texton"),
+    ("analysis.rotations", "texton"),
+    ("synthesis.candidates", "texton"),
+    ("synthesis.blend_threshold", "texton"),
+    ("analysis.layers", "material-space"),
+    ("analysis.key", "material-space"),
 ];
 
 /// Takes out of the defaults what gives way to a recipe's own keys.
@@ -195,13 +198,12 @@ fn check_method_keys(tree: &Node, findings: &mut Findings) {
         Some(Value::String(method)) => method.as_str(),
         _ => "jump-map",
     };
-    for (key, reader) in METHOD_KEYS {
-        let path = format!("analysis.{key}");
+    for (path, reader) in METHOD_KEYS {
         // Defaults may hold keys for several methods.
-        let own = tree.entry(&path).filter(|entry| entry.key.source == tree.at.source);
+        let own = tree.entry(path).filter(|entry| entry.key.source == tree.at.source);
         if let Some(entry) = own.filter(|_| method != reader) {
             let message = format!("`{path}` belongs to the method \"{reader}\", and this recipe's is \"{method}\"");
-            let fault = Fault::new(entry.key.clone(), &path, message).hint("remove it".to_string());
+            let fault = Fault::new(entry.key.clone(), path, message).hint("remove it".to_string());
             findings.push_unless_due_to(&["analysis.method"], fault);
         }
     }

@@ -384,6 +384,9 @@ pub struct Analysis {
     pub count: Count,
     /// texton: what is clustered.
     pub features: TextonFeatures,
+    /// texton: orientations in which neighbours that lie turned are compared; 1 compares them as they lie.
+    #[schemars(transform = within(limits::ROTATIONS))]
+    pub rotations: u32,
     /// material-space: layers of the tile.
     #[schemars(transform = within(limits::LAYERS))]
     pub layers: u32,
@@ -404,6 +407,7 @@ impl Default for Analysis {
             window: 11,
             count: Count::Word(Auto::Auto),
             features: TextonFeatures::Window,
+            rotations: 1,
             layers: 8,
             key: Vec::new(),
         }
@@ -568,16 +572,24 @@ pub struct Synthesis {
     /// Another seed gives another texture of the same kind.
     #[schemars(transform = within(limits::SEED))]
     pub seed: u64,
-    /// In which order vertices are visited.
+    /// jump-map: in which order vertices are visited. Textons grow in an order of their own.
     pub order: WalkOrder,
-    /// Mean distance between jumps, in exemplar sides; 1.0 to 1.5 is usual.
+    /// Mean distance between jumps, in exemplar sides; 1.0 to 1.5 is usual. texton: size of the pieces; at 1 they reach a
+    /// sixteenth of the exemplar's shorter side around their middle.
     #[schemars(transform = within(limits::PATCH))]
     pub patch: f64,
-    /// Correction passes over all neighbours; 0 is the published method.
+    /// Correction passes over all neighbours; 0 is the published method (texton: one triangle at a time).
     #[schemars(transform = within(limits::REFINE))]
     pub refine: u32,
     /// How patches meet.
     pub blend: Blend,
+    /// texton: places of the sample that are ranked for each piece, m.
+    #[schemars(transform = within(limits::CANDIDATES))]
+    pub candidates: u32,
+    /// texton: edges are blended where the mean difference of the colours (0..1 per channel, as displayed) on their two
+    /// sides is greater.
+    #[schemars(transform = within(limits::BLEND_THRESHOLD))]
+    pub blend_threshold: f64,
 }
 
 impl Default for Synthesis {
@@ -589,6 +601,8 @@ impl Default for Synthesis {
             patch: 1.0,
             refine: 2,
             blend: Blend::Linear,
+            candidates: 64,
+            blend_threshold: 0.02,
         }
     }
 }

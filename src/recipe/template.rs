@@ -89,6 +89,7 @@ path = {mesh}
 # tileable = false                      # the sample itself wraps: it has no borders
 
 [analysis]
+# method = "jump-map"                   # "texton" for bricks, weaves, fruit: things of the size of some triangles
 # neighbourhoods = [9, 5, 3]            # in texels, finest level first; larger features want larger ones
 # jumps = 3
 

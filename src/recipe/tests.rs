@@ -112,6 +112,7 @@ fn every_key_arrives() {
             alpha: 1.1,
             diversity: 5,
             min_distance: Some(4.0),
+            textons: None,
         }
     );
     assert_eq!(recipe.synthesis, Synthesis { seed: 1, patch: 1.0, refine: 2, blend: Blend::Linear });
@@ -518,12 +519,30 @@ fn a_canvas_has_no_surface() {
 }
 
 #[test]
+fn textons_have_their_keys_and_only_they() {
+    let analysis = "[analysis]\nmethod = 'texton'\nwindow = 9\ncount = 200\nfeatures = 'filter-bank'\nrotations = 8\n";
+    let text = LEAST.to_string() + analysis + "[synthesis]\ncandidates = 32\nblend_threshold = 0.1\n";
+    let recipe = parse(Path::new("r.toml"), text.as_bytes(), None).unwrap_or_else(|f| panic!("{f}"));
+    let features = TextonFeatures::FilterBank;
+    assert_eq!(
+        recipe.analysis.textons,
+        Some(Textons { window: 9, count: Some(200), features, rotations: 8, candidates: 32, blend_threshold: 0.1 })
+    );
+    let none = faults(&text.replace("candidates = 32", "candidates = 0"));
+    assert!(none.len() == 1 && none[0].contains("`synthesis.candidates` can't be 0"), "{none:?}");
+    let nan = faults(&text.replace("blend_threshold = 0.1", "blend_threshold = nan"));
+    assert!(nan.len() == 1 && nan[0].contains("`synthesis.blend_threshold` can't be nan"), "{nan:?}");
+    let jumps = faults(&text.replace(analysis, ""));
+    assert!(jumps.len() == 2 && jumps[0].contains("belongs to the method \"texton\""), "{jumps:?}");
+    let canvas = "canvas = { size = [8, 8] }\nanalysis = { method = 'texton' }\n[exemplar]\nbase_color = 'a.png'\n";
+    let found = faults(canvas);
+    assert!(found.len() == 1 && found[0].contains("a canvas has none"), "{found:?}");
+}
+
+#[test]
 fn what_is_not_built_yet_parses_and_is_refused_by_name() {
     let texton = "analysis = { method = 'texton', window = 9, count = 'auto', features = 'filter-bank' }\n";
-    assert_eq!(
-        faults(&(texton.to_string() + LEAST)),
-        ["1:23: this version of kiln can't do `analysis.method = \"texton\"` yet: expected \"jump-map\"",]
-    );
+    assert_eq!(faults(&(texton.to_string() + LEAST)), [""; 0]);
     let tile = "[analysis]\nmethod = 'material-space'\nlayers = 4\n[[analysis.key]]\nbase_color = 'b.png'\n\
                 feature_mask = 'f.png'\n";
     assert_eq!(faults(&(LEAST.to_string() + tile)).len(), 1);
@@ -638,10 +657,10 @@ fn mistakes_in_defaults_point_into_kiln_toml() {
          quotes: 1"
     );
     // What only a recipe can tell is told of the recipe, at the place of the default.
-    let project = of("\n[defaults.analysis]\nmethod = 'texton'\n").unwrap_or_else(|f| panic!("{f}"));
+    let project = of("\n[defaults.analysis]\nmethod = 'material-space'\n").unwrap_or_else(|f| panic!("{f}"));
     let faults = parse(Path::new("r.toml"), LEAST.as_bytes(), Some(&project.defaults)).expect_err("not built yet");
     assert!(faults.to_string().starts_with("kiln.toml:3:10: this version"), "{faults}");
-    assert!(faults.render(false).contains("3 | method = 'texton'"));
+    assert!(faults.render(false).contains("3 | method = 'material-space'"));
     assert!(of("").is_ok());
 }
 

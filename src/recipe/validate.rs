@@ -93,7 +93,8 @@ pub(super) fn name(path: &Path) -> Result<String, String> {
 pub(super) fn recipe(name: String, path: PathBuf, from: schema::Recipe, context: &mut Context) -> Recipe {
     let schema::Recipe { kiln: _, mesh, canvas, exemplar, analysis, field, synthesis, atlas, uv_sets, render } = from;
     let exemplar = exemplar_of(exemplar.unwrap_or_default(), context);
-    let schema::Synthesis { scale, seed, order, patch, refine, blend } = synthesis;
+    let schema::Synthesis { scale, seed, order, patch, refine, blend, candidates, blend_threshold } = synthesis;
+    let is_canvas = canvas.is_some();
     let target = match canvas {
         Some(canvas) => {
             if blend == Blend::Variance {
@@ -118,7 +119,7 @@ pub(super) fn recipe(name: String, path: PathBuf, from: schema::Recipe, context:
             })
         }
     };
-    let analysis = analysis_of(analysis, context);
+    let analysis = analysis_of(analysis, (candidates, blend_threshold), is_canvas, context);
     Recipe { name, path, exemplar, analysis, synthesis: Synthesis { seed, patch, refine, blend }, target }
 }
 
@@ -258,7 +259,8 @@ fn importance_of(from: schema::Importance, kinds: &[MapKind], context: &mut Cont
     out
 }
 
-fn analysis_of(from: schema::Analysis, context: &mut Context) -> Analysis {
+/// `quilt` are the keys of `[synthesis]` that only textons read: candidates and threshold.
+fn analysis_of(from: schema::Analysis, quilt: (u32, f64), is_canvas: bool, context: &mut Context) -> Analysis {
     let schema::Analysis {
         method,
         neighbourhoods,
@@ -267,17 +269,30 @@ fn analysis_of(from: schema::Analysis, context: &mut Context) -> Analysis {
         alpha,
         diversity,
         min_distance,
-        // Read by methods that are refused here.
-        window: _,
-        count: _,
-        features: _,
+        window,
+        count,
+        features,
+        rotations,
+        // Read by a method that is refused here.
         layers: _,
         key: _,
     } = from;
-    if method != Method::JumpMap {
-        context.not_yet("analysis.method", &format!("\"{}\"", method.name()), "\"jump-map\"");
+    if method == Method::MaterialSpace {
+        context.not_yet("analysis.method", "\"material-space\"", "\"jump-map\" or \"texton\"");
     }
-    Analysis { neighbourhoods, jumps, variance, alpha, diversity, min_distance }
+    if method == Method::Texton && is_canvas {
+        let fault =
+            context.fault("analysis.method", "textons are quilted over the faces of a mesh, and a canvas has none");
+        context.findings.push(fault.found("\"texton\"").allowed("\"jump-map\""));
+    }
+    let count = match count {
+        schema::Count::Number(n) => Some(n),
+        schema::Count::Word(schema::Auto::Auto) => None,
+    };
+    let (candidates, blend_threshold) = quilt;
+    let textons = Textons { window, count, features, rotations, candidates, blend_threshold };
+    let textons = (method == Method::Texton).then_some(textons);
+    Analysis { neighbourhoods, jumps, variance, alpha, diversity, min_distance, textons }
 }
 
 fn field_of(from: schema::Field, context: &mut Context) -> Field {

@@ -7,7 +7,7 @@
 use super::FramePattern;
 use super::words::{
     AlignTo, Blend, CanvasDebug, CanvasOrder, Compression, ImageFormat, MapFile, NormalY, Shading, SingularityKind,
-    Unwrap, WalkOrder,
+    TextonFeatures, Unwrap, WalkOrder,
 };
 use crate::numerics::vec::Vec3;
 use crate::texture::MapKind;
@@ -120,7 +120,7 @@ pub struct ExemplarMap {
     pub frames: Option<FramePattern>,
 }
 
-/// The jump map's parameters (\[ZG02\] section 2).
+/// The parameters of the analysis; what is not `textons` is the jump map's (\[ZG02\] section 2).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Analysis {
     /// Sides of the neighbourhoods in texels, odd, finest pyramid level first; at least one.
@@ -135,6 +135,25 @@ pub struct Analysis {
     pub diversity: u32,
     /// Radius of the Poisson disc in texels; `None`: from the exemplar's size.
     pub min_distance: Option<f64>,
+    /// Textons instead of a jump map.
+    pub textons: Option<Textons>,
+}
+
+/// The texton method's parameters (\[MK03\] section 3).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Textons {
+    /// Side of the window in texels, odd.
+    pub window: u32,
+    /// Number of textons; `None`: the square root of the number of texels.
+    pub count: Option<u32>,
+    /// What is clustered.
+    pub features: TextonFeatures,
+    /// Orientations in which textons are known.
+    pub rotations: u32,
+    /// Places that are ranked for each piece.
+    pub candidates: u32,
+    /// Continuity error above which edges are blended.
+    pub blend_threshold: f64,
 }
 
 /// How the texture is made, on meshes and canvases alike.

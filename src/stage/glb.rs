@@ -181,6 +181,7 @@ impl Step for UvSetsGlb {
             repeat_weights_in_uv: false,
             triangles: self.triangles,
             material_space: None,
+            edge_metric: &synthesised.metric,
         };
         Ok(write_uv_sets(&document, &surface, &prepared.mesh, &synthesised.sets, &output)?)
     }

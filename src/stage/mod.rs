@@ -10,6 +10,8 @@
 //!            ^                                        ^
 //! surface ---+--> unwrap -----------------------------'
 //!
+//! textons:  maps -> analyse textons; in place of synthesise: quilt -> blend mesh, blend sets, and the mesh of the former
+//!           in place of the prepared one
 //! canvas:   maps -------> analyse ----------> walk image ------> copy image ------------> encode
 //! flipbook: flipbook ---> analyse flipbook -> walk flipbook ---> copy frame, one each --> encode
 //! ```
@@ -35,6 +37,8 @@ mod report;
 pub(crate) mod sheet;
 mod surface;
 mod synthesise;
+mod texton;
+mod texton_quilt;
 mod unwrap;
 
 use crate::build::{Inputs, StepError};

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use crate::bake::{Extent, Library, UnwrapParams, default_gutter_px};
 use crate::build::{Graph, InputId, StepId};
 use crate::disk::Disk;
-use crate::exemplar::AnalysisParams;
+use crate::exemplar::{AnalysisParams, TextonFeatures, TextonParams};
 use crate::field::{
     Alignment, OrientationConstraint, ScalarConstraint, SingularityConstraint, SingularityKind, Symmetry,
 };
@@ -22,6 +22,7 @@ use crate::recipe::limits::FLIPBOOK_TEXELS;
 use crate::recipe::{self, Canvas, FileRef, ImageFormat, MapFile, MapOutput, MeshBake, Recipe, Sample, Target, Word};
 use crate::synth::image_copy::BlendKernel;
 use crate::synth::image_order::ImageOrder;
+use crate::synth::quilt::QuiltParams;
 use crate::synth::vertex_walk::VertexWalkParams;
 use crate::synth::volume_copy::VolumeKernel;
 use crate::synth::volume_walk::VolumeWalkParams;
@@ -43,6 +44,8 @@ use super::report::{CanvasReport, Report};
 use super::sheet::{Form, Stack};
 use super::surface::{ReadSurface, SceneFiles};
 use super::synthesise::{Order, Synthesise};
+use super::texton::AnalyseTextons;
+use super::texton_quilt::{BlendMesh, BlendParams, BlendSets, QuiltFaces};
 use super::unwrap::{Layout, Unwrap};
 
 /// Largest scene file that planning reads, in bytes.
@@ -200,7 +203,7 @@ impl Planner<'_> {
     }
 
     fn analysis(&self) -> AnalysisParams {
-        let recipe::Analysis { neighbourhoods, jumps, variance, alpha, diversity, min_distance } =
+        let recipe::Analysis { neighbourhoods, jumps, variance, alpha, diversity, min_distance, textons: _ } =
             self.recipe.analysis.clone();
         let importance = self.recipe.exemplar.importance.iter().copied().collect();
         let wrap = if self.recipe.exemplar.tileable { Wrap::Repeat } else { Wrap::Clamp };
@@ -373,33 +376,34 @@ impl Planner<'_> {
     fn mesh(&mut self, bake: &MeshBake, (scene, files): (SceneFiles, Vec<InputId>)) {
         let samples = self.recipe.exemplar.samples();
         let maps = self.maps(0, &samples[0]);
-        let analyse = self.analyse(maps, false);
         let recipe = self.name();
+        let textons = self.recipe.analysis.textons;
+        let analyse = match textons {
+            None => self.analyse(maps, false),
+            Some(textons) => self.analyse_textons(maps, &textons),
+        };
         let surface = self.step(ReadSurface { recipe: recipe.clone(), scene: scene.clone() }, &files);
         let scale = match bake.scale {
             recipe::Scale::TexelsPerUnit(s) => Scale::Fixed(s),
             recipe::Scale::Auto => Scale::Auto,
         };
         let max_factor = bake.field.scale.iter().fold(1.0, |m: f64, c| m.max(c.factor));
-        let prepare = Prepare { recipe: recipe.clone(), scale, max_factor };
+        // The published method takes triangles as they are, as long as there is room for a choice of places.
+        let max_span_share = (textons.is_some() && self.recipe.synthesis.refine == 0).then_some(0.25);
+        let prepare = Prepare { recipe: recipe.clone(), scale, max_factor, max_span_share };
         let prepare = self.step(prepare, &[surface.into(), maps.into()]);
         let (field, symmetry) = lay_field(&recipe, &bake.field);
         let field = self.step(field, &[prepare.into()]);
-        let recipe::Synthesis { seed, patch, refine, blend } = self.recipe.synthesis;
         let importance: BTreeMap<_, _> = self.recipe.exemplar.importance.iter().copied().collect();
         let order = match bake.order {
             recipe::WalkOrder::RegionGrowing => Order::RegionGrowing,
             recipe::WalkOrder::RenderingSequence => Order::RenderingSequence,
         };
-        let blend = match blend {
-            recipe::Blend::Linear => Blend::Linear,
-            recipe::Blend::Variance => Blend::Variance,
-            recipe::Blend::None => Blend::Nearest,
+        let inputs = [prepare, field, analyse, maps];
+        let (prepare, synthesise) = match textons {
+            None => (prepare, self.walk_vertices(order, symmetry, importance, inputs)),
+            Some(textons) => self.quilt_faces(&textons, symmetry, importance, inputs),
         };
-        let walk = VertexWalkParams { patch, seed, ..VertexWalkParams::default() };
-        let synthesise = Synthesise { recipe: recipe.clone(), walk, symmetry, order, blend, refine, importance };
-        let inputs = [prepare, field, analyse, maps].map(InputId::from);
-        let synthesise = self.step(synthesise, &inputs);
 
         let mut atlas_steps = None;
         if let Some(atlas) = &bake.atlas {
@@ -443,6 +447,66 @@ impl Planner<'_> {
         inputs.insert(4, field.into());
         let report = self.step(Report { recipe }, &inputs);
         self.output(report, "report.json");
+    }
+
+    /// Analyses the sample into textons.
+    fn analyse_textons(&mut self, maps: StepId, from: &recipe::Textons) -> StepId {
+        let AnalysisParams { importance, wrap, .. } = self.analysis();
+        // The others belong to the quilt.
+        let recipe::Textons { window, count, features, rotations, candidates: _, blend_threshold: _ } = *from;
+        let features = match features {
+            recipe::TextonFeatures::Window => TextonFeatures::Window,
+            recipe::TextonFeatures::FilterBank => TextonFeatures::FilterBank,
+        };
+        let params = TextonParams { window, count, features, rotations, importance, wrap };
+        self.step(AnalyseTextons { recipe: self.name(), params }, &[maps.into()])
+    }
+
+    /// Walks the vertices; of synthesis mesh, field, jump map and maps.
+    fn walk_vertices(
+        &mut self,
+        order: Order,
+        symmetry: Symmetry,
+        importance: BTreeMap<MapKind, f64>,
+        inputs: [StepId; 4],
+    ) -> StepId {
+        let recipe::Synthesis { seed, patch, refine, blend } = self.recipe.synthesis;
+        let walk = VertexWalkParams { patch, seed, ..VertexWalkParams::default() };
+        let blend = uv_blend(blend);
+        let synthesise = Synthesise { recipe: self.name(), walk, symmetry, order, blend, refine, importance };
+        self.step(synthesise, &inputs.map(InputId::from))
+    }
+
+    /// Quilts the faces and blends their edges; of synthesis mesh, field, textons and maps. Gives the mesh with divided
+    /// faces, in the place of the prepared one, and what lies on it.
+    fn quilt_faces(
+        &mut self,
+        from: &recipe::Textons,
+        symmetry: Symmetry,
+        importance: BTreeMap<MapKind, f64>,
+        [prepare, field, analyse, maps]: [StepId; 4],
+    ) -> (StepId, StepId) {
+        let recipe::Synthesis { seed, patch, refine, blend } = self.recipe.synthesis;
+        let params = QuiltParams { seed, candidates: from.candidates, refine, reach: patch * PIECE_REACH };
+        let quilt = QuiltFaces { recipe: self.name(), params, symmetry };
+        let quilt = self.step(quilt, &[prepare, field, analyse].map(InputId::from));
+        let blend = uv_blend(blend);
+        let params = BlendParams { symmetry, blend, threshold: from.blend_threshold, importance };
+        let inputs = [prepare, field, quilt, maps].map(InputId::from);
+        let mesh = self.step(BlendMesh { recipe: self.name(), params: params.clone() }, &inputs);
+        let sets = self.step(BlendSets { recipe: self.name(), params }, &inputs);
+        (mesh, sets)
+    }
+}
+
+/// How far a piece of a quilt reaches around its first triangle, in exemplar sides, where `patch` is 1.
+const PIECE_REACH: f64 = 0.0625;
+
+fn uv_blend(blend: recipe::Blend) -> Blend {
+    match blend {
+        recipe::Blend::Linear => Blend::Linear,
+        recipe::Blend::Variance => Blend::Variance,
+        recipe::Blend::None => Blend::Nearest,
     }
 }
 

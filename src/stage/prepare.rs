@@ -23,6 +23,8 @@ pub(super) struct Prepare {
     pub scale: Scale,
     /// The greatest local factor on the scale.
     pub max_factor: f64,
+    /// Part of the exemplar's shorter side that an edge may take; `None`: as the kernel has it.
+    pub max_span_share: Option<f64>,
 }
 
 /// The synthesis mesh and the scale that it was made for.
@@ -64,6 +66,9 @@ impl Step for Prepare {
     fn describe(&self, v: &mut dyn Visitor) {
         v.param("scale", &self.scale);
         v.param("greatest factor", &self.max_factor);
+        if let Some(share) = self.max_span_share {
+            v.param("greatest share", &share);
+        }
     }
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
@@ -74,7 +79,9 @@ impl Step for Prepare {
             Scale::Fixed(scale) => scale,
             Scale::Auto => auto_scale(&surface.mesh, exemplar_size)?,
         };
-        let mesh = prepare(&surface, &PrepareParams::new(scale * self.max_factor, exemplar_size))?;
+        let mut params = PrepareParams::new(scale * self.max_factor, exemplar_size);
+        params.max_span_share = self.max_span_share.unwrap_or(params.max_span_share);
+        let mesh = prepare(&surface, &params)?;
         Ok(Prepared { scale, exemplar_size, mesh }.to_bytes())
     }
 }

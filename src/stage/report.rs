@@ -4,17 +4,19 @@ use serde_json::{Value, json};
 
 use crate::bake::Atlas;
 use crate::build::{Inputs, Step, StepError, Visitor};
-use crate::exemplar::JumpMap;
+use crate::exemplar::{JumpMap, TextonMap};
 use crate::field::{Laid, Singularity};
+use crate::io::artefact::Artefact;
 use crate::mesh::Surface;
 use crate::synth::source_map::ImageCounters;
 use crate::synth::source_strips::SourceStrips;
 
 use super::prepare::Prepared;
 use super::rasterise::Bundle;
-use super::synthesise::Synthesised;
+use super::synthesise::{Counters, Synthesised};
 
-/// Reads surface, synthesis mesh, corner coordinates, jump map and field, and of an atlas bake the atlas and its images.
+/// Reads surface, synthesis mesh, corner coordinates, what was analysed and the field, and of an atlas bake the atlas and
+/// its images.
 pub(super) struct Report {
     pub recipe: String,
 }
@@ -30,9 +32,8 @@ impl Step for Report {
         let surface: Surface = super::read(inputs, 0)?;
         let prepared: Prepared = super::read(inputs, 1)?;
         let synthesised: Synthesised = super::read(inputs, 2)?;
-        let map = JumpMap::from_bytes(&inputs[3])?;
+        let (sample, how) = described(&synthesised.counters, &inputs[3])?;
         let laid: Laid = super::read(inputs, 4)?;
-        let c = synthesised.counters;
         let mut report = json!({
             "recipe": self.recipe,
             "mesh": {
@@ -40,7 +41,7 @@ impl Step for Report {
                 "vertices": surface.mesh.positions.len(),
                 "primitives": surface.parts.len(),
             },
-            "exemplar": exemplar(&map),
+            "exemplar": sample,
             "field": {
                 "index_sum": laid.singularities.iter().map(|s| s.index).sum::<f64>(),
                 "euler_characteristic": laid.euler,
@@ -51,15 +52,10 @@ impl Step for Report {
                 "triangles": prepared.mesh.mesh.faces.len(),
                 "vertices": prepared.mesh.mesh.positions.len(),
                 "sets": synthesised.sets.sets.len(),
-                "walk": {
-                    "seeds": c.seeds,
-                    "continuations": c.continuations,
-                    "jumps": c.jumps,
-                    "dropped_invalid": c.dropped_invalid,
-                    "random_fallbacks": c.random_fallbacks,
-                },
             },
         });
+        let (key, counts) = how;
+        report["synthesis"][key] = counts;
         if inputs.len() > 5 {
             let atlas: Atlas = super::read(inputs, 5)?;
             let bundle: Bundle = super::read(inputs, 6)?;
@@ -74,6 +70,38 @@ impl Step for Report {
         }
         text(&report)
     }
+}
+
+/// What the analysis' bytes hold, and what the synthesis did with it, by its name.
+fn described(counters: &Counters, analysis: &[u8]) -> Result<(Value, (&'static str, Value)), StepError> {
+    Ok(match counters {
+        Counters::Walk(c) => {
+            let walk = json!({
+                "seeds": c.seeds,
+                "continuations": c.continuations,
+                "jumps": c.jumps,
+                "dropped_invalid": c.dropped_invalid,
+                "random_fallbacks": c.random_fallbacks,
+            });
+            (exemplar(&JumpMap::from_bytes(analysis)?), ("walk", walk))
+        }
+        Counters::Quilt { quilt: c, faces, blended, edge_error } => {
+            let map = TextonMap::from_bytes(analysis)?;
+            let sample = json!({ "width": map.width(), "height": map.height(), "textons": map.count() });
+            let quilt = json!({
+                "faces": faces,
+                "pieces": c.pieces,
+                "seeds": c.seeds,
+                "continued": c.continued,
+                "closings": c.closings,
+                "reopened": c.reopened,
+                "relaxed": c.relaxed,
+                "blended_edges": blended,
+                "edge_error": edge_error,
+            });
+            (sample, ("quilt", quilt))
+        }
+    })
 }
 
 /// Reads the sources of a canvas, and the jump map if there is one.

@@ -8,6 +8,7 @@ use crate::field::{self, Field, Symmetry};
 use crate::io::artefact::{Artefact, Damaged, Reader, Writer};
 use crate::mesh::Topology;
 use crate::synth::corner::{Base, corner_sets};
+use crate::synth::quilt::QuiltCounters;
 use crate::synth::rendering_sequence::rendering_sequence;
 use crate::synth::seam_metric::SeamMetrics;
 use crate::synth::vertex_order::region_growing;
@@ -38,25 +39,63 @@ pub(super) struct Synthesise {
     pub importance: BTreeMap<MapKind, f64>,
 }
 
-/// Corner coordinates and how the walk came by them.
+/// What a synthesis did how often.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Counters {
+    /// A walk over vertices.
+    Walk(WalkCounters),
+    /// A quilt of faces; how many there were before edges were blended, how many edges are, and the mean continuity error
+    /// of all edges before.
+    Quilt { quilt: QuiltCounters, faces: u64, blended: u64, edge_error: f64 },
+}
+
+/// Corner coordinates and how the synthesis came by them.
 pub(super) struct Synthesised {
     pub sets: UvSets,
-    pub counters: WalkCounters,
+    pub counters: Counters,
+    /// Per corner the continuity error and length of the edge blended there; empty where the method has none.
+    pub metric: Vec<[f32; 2]>,
 }
 
 impl Artefact for Synthesised {
-    const TAG: [u8; 4] = *b"synt";
+    const TAG: [u8; 4] = *b"syn2";
 
     fn write(&self, to: &mut Writer) {
-        let WalkCounters { seeds, continuations, jumps, random_fallbacks, dropped_invalid } = self.counters;
-        to.put([seeds, continuations, jumps, random_fallbacks, dropped_invalid]);
+        match self.counters {
+            Counters::Walk(WalkCounters { seeds, continuations, jumps, random_fallbacks, dropped_invalid }) => {
+                to.put(0u8);
+                to.put([seeds, continuations, jumps, random_fallbacks, dropped_invalid]);
+            }
+            Counters::Quilt { quilt, faces, blended, edge_error } => {
+                let QuiltCounters { pieces, seeds, continued, closings, reopened, relaxed } = quilt;
+                to.put(1u8);
+                to.put([pieces, seeds, continued, closings, reopened, relaxed, faces, blended]);
+                to.put(edge_error);
+            }
+        }
+        to.slice(&self.metric);
         self.sets.write(to);
     }
 
     fn read(from: &mut Reader<'_>) -> Result<Self, Damaged> {
-        let [seeds, continuations, jumps, random_fallbacks, dropped_invalid] = from.get()?;
-        let counters = WalkCounters { seeds, continuations, jumps, random_fallbacks, dropped_invalid };
-        Ok(Synthesised { counters, sets: UvSets::read(from)? })
+        let counters = match from.get::<u8>()? {
+            0 => {
+                let [seeds, continuations, jumps, random_fallbacks, dropped_invalid] = from.get()?;
+                Counters::Walk(WalkCounters { seeds, continuations, jumps, random_fallbacks, dropped_invalid })
+            }
+            1 => {
+                let [pieces, seeds, continued, closings, reopened, relaxed, faces, blended] = from.get()?;
+                let quilt = QuiltCounters { pieces, seeds, continued, closings, reopened, relaxed };
+                Counters::Quilt { quilt, faces, blended, edge_error: from.get()? }
+            }
+            kind => return Err(Damaged(format!("counters of kind {kind}"))),
+        };
+        let metric: Vec<[f32; 2]> = from.slice()?;
+        let sets = UvSets::read(from)?;
+        match metric.is_empty() || metric.len() == sets.weights.len() {
+            true => Ok(Synthesised { counters, metric, sets }),
+            false => Err(Damaged("one measure per corner".into())),
+        }
     }
 }
 
@@ -99,6 +138,6 @@ impl Step for Synthesise {
             _ => Base::Three,
         };
         let sets = corner_sets(&mesh.faces, &topology, &offsets, &walked.address, exemplar_size, base, self.blend)?;
-        Ok(Synthesised { sets, counters: walked.counters }.to_bytes())
+        Ok(Synthesised { sets, counters: Counters::Walk(walked.counters), metric: vec![] }.to_bytes())
     }
 }

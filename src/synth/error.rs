@@ -62,6 +62,24 @@ pub enum Error {
     },
     /// The weight of a guide, must lie in 0..=100.
     GuideWeight(f32),
+    /// Places that quilting ranks for each piece.
+    Candidates {
+        /// Places asked for.
+        found: u32,
+        /// Most places.
+        max: u32,
+    },
+    /// A face does not fit into the exemplar.
+    FaceTooLarge {
+        /// The face.
+        face: usize,
+        /// Texels that it takes, across and down.
+        span: [f64; 2],
+        /// Size of the exemplar in texels.
+        exemplar: [u32; 2],
+    },
+    /// The continuity error above which edges are blended: must be a number, zero or more.
+    Threshold(f64),
     /// An element of a list that must have one entry per vertex or corner.
     Count {
         /// What is counted.
@@ -117,6 +135,15 @@ impl fmt::Display for Error {
                 write!(f, "a guide of {w} x {h} pixels for a canvas of {ew} x {eh}")
             }
             Error::GuideWeight(w) => write!(f, "a guide of weight {w}: expected a number in 0..=100"),
+            Error::Candidates { found, max } => write!(f, "candidates = {found}: expected 1..={max}"),
+            Error::FaceTooLarge { face, span: [x, y], exemplar: [w, h] } => write!(
+                f,
+                "face {face} takes {x:.1} x {y:.1} texels, but an exemplar of {w} x {h} has room for {} x {}: lower the scale, \
+                 subdivide the mesh or use a larger exemplar",
+                w - 1,
+                h - 1
+            ),
+            Error::Threshold(t) => write!(f, "a blend threshold of {t}: expected a number of at least 0"),
             Error::Count { what, found, expected } => write!(f, "{found} {what}: expected {expected}"),
         }
     }

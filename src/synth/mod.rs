@@ -4,6 +4,8 @@
 //! 4): a [`vertex_order`] or a [`rendering_sequence`], the [`vertex_walk`], then [`corner`] turns addresses of vertices into coordinates of corners.
 //! [`image_refine`] and [`vertex_refine`] go beyond the papers: passes, from coarse to fine, in which every neighbour is
 //! known. Without them the result is the published method's.
+//! Meshes by textons (\[MK03\] 3.2 and 3.3): faces are laid flat ([`quilt_frame`]), placed ([`quilt`], by [`texton_string`])
+//! and blended over their edges ([`quilt_blend`]).
 //! Flipbooks: the same in space and time, [`volume_walk`], [`volume_refine`], [`volume_copy`].
 //! Unaware of: how the jump map or the offsets were made, what the outputs are used for, files.
 
@@ -22,6 +24,11 @@ pub mod image_refine;
 pub mod image_walk;
 mod image_window;
 pub mod mixture;
+pub mod quilt;
+pub mod quilt_blend;
+pub mod quilt_frame;
+mod quilt_patch;
+mod quilt_seam;
 pub mod rendering_sequence;
 mod room;
 pub mod seam_metric;
@@ -29,6 +36,7 @@ pub mod source_map;
 pub mod source_strips;
 mod surface_cells;
 mod surface_window;
+pub mod texton_string;
 mod usage;
 pub mod vertex_order;
 pub mod vertex_refine;

@@ -2,6 +2,8 @@
 //!
 //! Every method ends here and every output starts here. Source: \[ZG03\] sections 4.3 and 4.4; \[MK03\] 3.3; \[MST09\] 3.
 
+pub mod metric;
+
 use crate::texture::Texel;
 
 /// How the sets of one surface point are combined.

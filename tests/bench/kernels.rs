@@ -6,19 +6,22 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use kiln::bake::{self, Coverage, Extent, Library, UnwrapParams, bake_map, default_gutter_px, tangents};
-use kiln::exemplar::{AnalysisParams, analyse, appearance};
+use kiln::exemplar::{AnalysisParams, TextonParams, analyse, analyse_textons, appearance};
 use kiln::field::{self, Field, SingularityConstraint, SingularityKind, Symmetry};
 use kiln::io::SampleType;
 use kiln::io::image_file::{Compression, Transfer, encode_exr, encode_png};
 use kiln::io::image_quantise::{Encoding, quantise};
 use kiln::io::image_set::{Options, Slot, load};
 use kiln::io::scene::Document;
-use kiln::mesh::{PrepareParams, Surface, Topology, prepare};
-use kiln::numerics::par;
+use kiln::mesh::{PrepareParams, Surface, Topology, TriMesh, prepare};
+use kiln::numerics::vec::vec3;
+use kiln::numerics::{det, par};
 use kiln::synth::corner::{Base, corner_sets};
 use kiln::synth::image_copy::{BlendKernel, copy};
 use kiln::synth::image_order::ImageOrder;
 use kiln::synth::image_walk::{self, ImageWalkParams};
+use kiln::synth::quilt::{QuiltParams, quilt};
+use kiln::synth::quilt_frame::Facets;
 use kiln::synth::rendering_sequence::{CACHE, acmr, face_sequence, rendering_sequence};
 use kiln::synth::vertex_order::region_growing;
 use kiln::synth::vertex_walk::{VertexWalkParams, walk};
@@ -74,6 +77,7 @@ fn main() {
     let pebbles = maps("pebbles");
     analysis(&bench, &pebbles);
     flat(&bench, &pebbles);
+    textons(&bench, &pebbles);
     encode(&bench);
     let knot = surface(&root().join("recipes/assets/meshes/knot.glb")).expect("our own mesh");
     on_surface(&bench, "knot", &knot, &pebbles, 220.0, 1024);
@@ -98,6 +102,49 @@ fn analysis(bench: &Bench, pebbles: &MapSet) {
         bench.run(&format!("appearance pebbles {:?}, -j 2", params.neighbourhoods), 65.536, "ktexel/s", || {
             par::install(2, || appearance(pebbles, &params, 8))
         });
+    }
+}
+
+/// A torus of `2 * sides * sides` triangles, its field along the small circles; the mean edge takes ten texels.
+fn torus(sides: u32) -> Facets {
+    let turn = |i: u32| std::f64::consts::TAU * f64::from(i % sides) / f64::from(sides);
+    let at = |i: u32| (det::sin_cos(turn(i / sides)), det::sin_cos(turn(i % sides)));
+    let point = |i: u32| {
+        let ((s, c), (t, d)) = at(i);
+        vec3((1.0 + 0.4 * d) * c, (1.0 + 0.4 * d) * s, 0.4 * t)
+    };
+    let up = |i: u32| {
+        let ((s, c), (t, d)) = at(i);
+        vec3(-t * c, -t * s, d)
+    };
+    let index = |x: u32, y: u32| (x % sides) * sides + y % sides;
+    let squares = (0..sides * sides).map(|i| (i / sides, i % sides));
+    let faces = squares.flat_map(|(x, y)| {
+        let [a, b, c, d] = [index(x, y), index(x + 1, y), index(x + 1, y + 1), index(x, y + 1)];
+        [[a, b, c], [a, c, d]]
+    });
+    let mesh = TriMesh { positions: (0..sides * sides).map(point).collect(), faces: faces.collect() };
+    let scale = 10.0 * f64::from(sides) / 5.0;
+    let field = Field { up: (0..sides * sides).map(up).collect(), scale: vec![scale as f32; (sides * sides) as usize] };
+    Facets::new(&mesh, &field, Symmetry::One)
+}
+
+fn textons(bench: &Bench, pebbles: &MapSet) {
+    let params = |count| TextonParams { count: Some(count), ..TextonParams::default() };
+    for jobs in [1, 2] {
+        bench.run(&format!("textons 256x256, 256 of 11x11, -j {jobs}"), 65.536, "ktexel/s", || {
+            par::install(jobs, || analyse_textons(pebbles, &params(256)))
+        });
+    }
+    let (map, _) = analyse_textons(pebbles, &params(256)).expect("an analysis");
+    for (sides, refine) in [(64, 0), (64, 2), (256, 0), (708, 0), (708, 2)] {
+        let facets = torus(sides);
+        let faces = facets.len() as f64;
+        for jobs in [1, 2] {
+            let name = format!("quilt {faces} faces, refine {refine}, -j {jobs}");
+            let params = QuiltParams { refine, ..QuiltParams::default() };
+            bench.run(&name, faces / 1e6, "Mface/s", || par::install(jobs, || quilt(&map, &facets, &params)));
+        }
     }
 }
 

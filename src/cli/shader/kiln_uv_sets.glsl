@@ -23,6 +23,15 @@ vec4 kiln_weights(KilnSets s) {
     return vec4(0.0, 0.0, 0.0, 1.0);
 }
 
+// Texton bakes: leaves the blend out where the edge that it hides would be hardly visible (Magda, Kriegman 2003, Eq. 4).
+// `edge` is the attribute _KILN_EDGE (vec2: mean difference of colours along the edge, length of the edge in world units;
+// equal at all corners of a triangle), `lambda` the pixels across the view by its angle in radians, `distance` that of
+// the fragment from the eye in world units, `threshold` what may stay visible, in pixels times difference (try 2).
+KilnSets kiln_at_distance(KilnSets s, vec2 edge, float lambda, float distance, float threshold) {
+    if (lambda * edge.x * edge.y <= threshold * distance) s.weights = vec4(1.0, 0.0, 0.0, 0.0);
+    return s;
+}
+
 // One map, blended. Gradients are taken before any branch.
 vec4 kiln_sample(sampler2D map, KilnSets s, vec4 mean) {
     vec4 w = kiln_weights(s);

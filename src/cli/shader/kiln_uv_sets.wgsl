@@ -22,6 +22,16 @@ fn kiln_weights(s: KilnSets) -> vec4f {
     return vec4f(0.0, 0.0, 0.0, 1.0);
 }
 
+// Texton bakes: leaves the blend out where the edge that it hides would be hardly visible (Magda, Kriegman 2003, Eq. 4).
+// `edge` is the attribute _KILN_EDGE (vec2: mean difference of colours along the edge, length of the edge in world units;
+// equal at all corners of a triangle), `lambda` the pixels across the view by its angle in radians, `distance` that of
+// the fragment from the eye in world units, `threshold` what may stay visible, in pixels times difference (try 2).
+fn kiln_at_distance(s: KilnSets, edge: vec2f, lambda: f32, distance: f32, threshold: f32) -> KilnSets {
+    var out = s;
+    if (lambda * edge.x * edge.y <= threshold * distance) { out.weights = vec4f(1.0, 0.0, 0.0, 0.0); }
+    return out;
+}
+
 // One map, blended.
 fn kiln_sample(map: texture_2d<f32>, sampler_: sampler, s: KilnSets, mean: vec4f) -> vec4f {
     let w = kiln_weights(s);

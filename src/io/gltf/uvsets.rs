@@ -56,6 +56,9 @@ pub struct UvSetOutput<'a> {
     pub triangles: TriangleOrder,
     /// For material-space bakes.
     pub material_space: Option<MaterialSpace<'a>>,
+    /// For texton bakes, per corner of the synthesis mesh: the continuity error of the edge that its triangle blends over
+    /// and the edge's length in world units (\[MK03\] Eq. 4); empty for others.
+    pub edge_metric: &'a [[f32; 2]],
 }
 
 /// In which order triangles and vertices are written.
@@ -71,12 +74,14 @@ pub enum TriangleOrder {
 ///
 /// TEXCOORD_0..n-1 are the sets as shares of the sample, `_KILN_WEIGHTS` (VEC4, normalised u8 or u16, their sum exactly
 /// one) their weights; with `repeat_weights_in_uv` TEXCOORD_n = (w0, w1) and, for four sets, TEXCOORD_n+1 = (w2, w3).
-/// The input's sets move up behind. Each baked material has an extension object `KILN_uv_sets`, repeated in
+/// `_KILN_EDGE` (VEC2) is, in texton bakes, the same at all corners of a triangle: the continuity error of the edge that it
+/// blends over and that edge's length. A shader may show set 0 alone where error x length x pixels per radian / distance is
+/// small enough. The input's sets move up behind. Each baked material has an extension object `KILN_uv_sets`, repeated in
 /// `extras.kiln` for tools that drop unknown extensions:
 ///
 /// `sets` (1..=4), `blend` ("linear", "variance", "none": the set of greatest weight alone), `exemplarSize` (texels), `weights` ("_KILN_WEIGHTS"),
 /// `weightsTexCoord` (n, if repeated), `meanColor` (linear), `means` (per map), and for material-space bakes `material`
-/// ("_KILN_MATERIAL", SCALAR), `layers`, `tile`.
+/// ("_KILN_MATERIAL", SCALAR), `layers`, `tile`; for texton bakes `edge` ("_KILN_EDGE").
 ///
 /// A primitive none of whose triangles is in the synthesis mesh stays as it was.
 pub fn write_uv_sets(
@@ -134,6 +139,9 @@ fn check(surface: &Surface, synthesis: &SynthesisMesh, sets: &UvSets, output: &U
     }
     let values = output.material_space.map_or(3 * faces, |m| m.values.len());
     primitive::check_length("material values", values, 3 * faces)?;
+    if !output.edge_metric.is_empty() {
+        primitive::check_length("edge measures", output.edge_metric.len(), 3 * faces)?;
+    }
     let bad = |what: String| Err(SceneError::Mismatch(what));
     if !(1..=4).contains(&sets.sets.len()) || sets.exemplar_size.contains(&0) {
         return bad(format!("{} sets of a sample of {:?}, expected 1..=4", sets.sets.len(), sets.exemplar_size));
@@ -149,6 +157,7 @@ fn check(surface: &Surface, synthesis: &SynthesisMesh, sets: &UvSets, output: &U
         sets.sets.iter().all(|s| s[c].x.is_finite() && s[c].y.is_finite())
             && sets.weights[c].iter().all(|w| w.is_finite())
             && output.material_space.is_none_or(|m| m.values[c].is_finite())
+            && output.edge_metric.get(c).is_none_or(|m| m.iter().all(|v| v.is_finite()))
     };
     if let Some(c) = (0..3 * faces).find(|&c| !finite(c)) {
         return bad(format!("corner {c} has coordinates or weights that are not finite"));
@@ -189,6 +198,9 @@ fn describe(sets: &UvSets, output: &UvSetOutput) -> Value {
         for (name, mean) in output.means {
             out["means"][name] = mean.iter().copied().map(short).collect();
         }
+    }
+    if !output.edge_metric.is_empty() {
+        out["edge"] = "_KILN_EDGE".into();
     }
     if let Some(space) = &output.material_space {
         out["material"] = "_KILN_MATERIAL".into();
@@ -276,6 +288,7 @@ impl<'a> Job<'a> {
             && self.sets.sets.iter().all(|s| near(s[ca].x, s[cb].x) && near(s[ca].y, s[cb].y))
             && (self.normals.is_empty() || self.normals[a] == self.normals[b])
             && self.output.material_space.is_none_or(|m| m.values[ca] == m.values[cb])
+            && self.output.edge_metric.get(ca) == self.output.edge_metric.get(cb)
     }
 
     /// The corners that stand for the vertices, ascending, and the triangles.
@@ -369,6 +382,10 @@ impl<'a> Job<'a> {
         if let Some(space) = &self.output.material_space {
             let values = firsts.iter().map(|&i| space.values[self.corner[i]]).collect();
             out.push(("_KILN_MATERIAL".into(), floats("SCALAR", values)));
+        }
+        if !self.output.edge_metric.is_empty() {
+            let values = firsts.iter().flat_map(|&i| self.output.edge_metric[self.corner[i]]).collect();
+            out.push(("_KILN_EDGE".into(), floats("VEC2", values)));
         }
         if !self.normals.is_empty() {
             out.push(("NORMAL".into(), floats("VEC3", firsts.iter().flat_map(|&i| self.normals[i]).collect())));

@@ -57,6 +57,7 @@ pub(super) fn plain(maps: &BakedMaps) -> UvSetOutput<'_> {
         repeat_weights_in_uv: false,
         triangles: TriangleOrder::Input,
         material_space: None,
+        edge_metric: &[],
     }
 }
 
@@ -192,4 +193,30 @@ fn triangles_for_a_cache_are_the_same_in_another_order() {
         println!("{}: {:.3} to {:.3}", path.display(), ratio(&before), ratio(&after));
         assert!(ratio(&after) <= ratio(&before) * 1.05, "{}", path.display());
     }
+}
+
+#[test]
+fn the_measure_of_a_triangles_edge_is_at_all_its_corners_and_keeps_vertices_apart() {
+    let [positions, indices] = square();
+    let root = serde_json::json!({ "meshes": [{"primitives": [{"indices": 1, "attributes": {"POSITION": 0}}]}] });
+    let doc = made(root, &[positions, indices]);
+    let surface = doc.surface(None).unwrap();
+    let synthesis = subdivided(&surface);
+    let (sets, baked) = (uv_sets(&synthesis), BakedMaps::default());
+    let faces = synthesis.mesh.faces.len();
+    let metric: Vec<[f32; 2]> = (0..3 * faces).map(|c| [(c / 3) as f32, 2.5]).collect();
+    let output = UvSetOutput { weld_texels: 100.0, edge_metric: &metric, ..plain(&baked) };
+    let back = again(&write_uv_sets(&doc, &surface, &synthesis, &sets, &output).unwrap());
+    let primitive = &back.root["meshes"][0]["primitives"][0];
+    let read = |a: usize| back.accessors[a].packed(&back.buffers);
+    let edge = read(refs::index(&primitive["attributes"], "_KILN_EDGE").unwrap());
+    assert_eq!(edge.len(), 8 * 3 * faces, "no two triangles share a vertex");
+    let values: Vec<[f32; 2]> = bytemuck::pod_collect_to_vec(&edge);
+    for f in back.surface(None).unwrap().mesh.faces {
+        assert!(f.iter().all(|v| values[*v as usize] == values[f[0] as usize]));
+    }
+    assert_eq!(back.root["materials"][0]["extensions"]["KILN_uv_sets"]["edge"], "_KILN_EDGE");
+    let short = UvSetOutput { edge_metric: &metric[1..], ..output };
+    let fault = write_uv_sets(&doc, &surface, &synthesis, &sets, &short).unwrap_err().to_string();
+    assert!(fault.contains("edge measures"), "{fault}");
 }

@@ -1,0 +1,245 @@
+//! Texton strings: what lies along finished edges, and where in the exemplar the like is found.
+//!
+//! Source: \[MK03\] section 3.2.2, figures 3 and 4, Eq. 2.
+//! Reads as: Eq. 2 and the counting loop call the labels S_r, the text calls them S_t; they are the same list. Offsets may
+//! lead out of the texture: such places are no candidates (the piece must lie inside as a whole), so nothing is counted
+//! there. Edges are sampled at their middles of steps of about a texel. Votes are taken from at most [`VOTERS`] samples of
+//! a long string, evenly spaced: windows of neighbouring samples overlap nearly as a whole, and ranking uses all of them.
+//! Places are whole texels away from a base, so that they keep its sub-texel part: of a continued neighbour the string is
+//! found exactly.
+//! Unaware of: meshes; which candidates there are besides.
+
+use crate::exemplar::TextonMap;
+use crate::numerics::rng::Key;
+use crate::numerics::vec::{Vec2, vec2};
+
+/// Most samples of a string that vote.
+pub const VOTERS: usize = 64;
+
+/// A point of a finished edge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// Offset from the origin of the piece to be placed, in its texture space: S_o.
+    pub offset: Vec2,
+    /// Label of the texel that the neighbour shows there, as seen in the piece's orientation: S_t.
+    pub label: u16,
+    /// That texel, row by row.
+    pub texel: u32,
+}
+
+/// Where the origin of a piece may lie: inclusive, in texels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Inside {
+    /// Least coordinates.
+    pub low: Vec2,
+    /// Greatest coordinates.
+    pub high: Vec2,
+}
+
+impl Inside {
+    /// For a piece that takes the box `low..high` around its origin: the outer texel centres bound it.
+    pub fn new(size: [u32; 2], (low, high): (Vec2, Vec2)) -> Self {
+        let [w, h] = size.map(f64::from);
+        Inside { low: vec2(0.5 - low.x, 0.5 - low.y), high: vec2(w - 0.5 - high.x, h - 0.5 - high.y) }
+    }
+
+    /// True if there is no room at all.
+    pub fn is_empty(&self) -> bool {
+        self.low.x > self.high.x || self.low.y > self.high.y
+    }
+
+    /// True if the piece lies inside.
+    pub fn contains(&self, at: Vec2) -> bool {
+        self.low.x <= at.x && at.x <= self.high.x && self.low.y <= at.y && at.y <= self.high.y
+    }
+
+    /// The nearest place inside.
+    pub fn nearest(&self, at: Vec2) -> Vec2 {
+        vec2(at.x.max(self.low.x).min(self.high.x), at.y.max(self.low.y).min(self.high.y))
+    }
+
+    /// A random place: draws 0 and 1 of a key.
+    pub fn random(&self, key: Key) -> Vec2 {
+        let along = |i, low: f64, high: f64| low + key.unit(i) * (high - low);
+        vec2(along(0, self.low.x, self.high.x), along(1, self.low.y, self.high.y))
+    }
+}
+
+/// Texel that holds a position inside the exemplar.
+#[inline]
+pub fn texel_at(size: [u32; 2], at: Vec2) -> u32 {
+    let x = (at.x as i32).clamp(0, size[0] as i32 - 1) as u32;
+    let y = (at.y as i32).clamp(0, size[1] as i32 - 1) as u32;
+    y * size[0] + x
+}
+
+/// Number of samples of an edge of so many texels.
+pub fn steps(length: f64) -> u32 {
+    length.clamp(1.0, 1e4).round() as u32
+}
+
+/// Error of a piece at `origin`: the sum over its string of the squared distances of textons, Eq. 2.
+pub fn error(map: &TextonMap, string: &[Sample], origin: Vec2) -> u64 {
+    let (size, labels) = ([map.width(), map.height()], map.labels(0));
+    let at = |s: &Sample| labels[texel_at(size, origin + s.offset) as usize];
+    string.iter().map(|s| u64::from(map.distance(at(s), s.label))).sum()
+}
+
+/// As [`error`], by the texels' own vectors instead of their clusters'. Turned neighbours are compared as they lie.
+pub fn fine_error(map: &TextonMap, string: &[Sample], origin: Vec2) -> u64 {
+    let size = [map.width(), map.height()];
+    let points = map.points();
+    let distance = |s: &Sample| points.squared_distance(texel_at(size, origin + s.offset), s.texel);
+    string.iter().map(|s| u64::from(distance(s))).sum()
+}
+
+/// Memory for counting votes, used again and again.
+#[derive(Default)]
+pub struct Ballot {
+    counts: Vec<u8>,
+    /// Places found, as (votes, rank among equals, place).
+    found: Vec<(u8, u32, u32)>,
+}
+
+impl Ballot {
+    /// The `most` places with the most votes for a string, at least one each, best first; `base` gives the sub-texel part,
+    /// `key` the order of equals. N of \[MK03\] 3.2.2.
+    pub fn best(
+        &mut self,
+        map: &TextonMap,
+        string: &[Sample],
+        inside: &Inside,
+        base: Vec2,
+        most: usize,
+        key: Key,
+    ) -> Vec<Vec2> {
+        let part = vec2(base.x - base.x.floor(), base.y - base.y.floor());
+        // Whole places within the room: origin = first + (column, row) + part.
+        let first = [(inside.low.x - part.x).ceil() as i32, (inside.low.y - part.y).ceil() as i32];
+        let last = [(inside.high.x - part.x).floor() as i32, (inside.high.y - part.y).floor() as i32];
+        if string.is_empty() || most == 0 || last[0] < first[0] || last[1] < first[1] {
+            return vec![];
+        }
+        let (w, h) = ((last[0] - first[0] + 1) as u32, (last[1] - first[1] + 1) as u32);
+        self.counts.clear();
+        self.counts.resize(w as usize * h as usize, 0);
+        // How many places have reached each number of votes.
+        let mut reached = [0u32; VOTERS + 2];
+        let stride = string.len().div_ceil(VOTERS);
+        for s in string.iter().skip(stride / 2).step_by(stride) {
+            let o = [(part.x + s.offset.x).floor() as i32 + first[0], (part.y + s.offset.y).floor() as i32 + first[1]];
+            for [x, y] in map.bucket(s.label) {
+                let (x, y) = ((i32::from(*x) - o[0]) as u32, (i32::from(*y) - o[1]) as u32);
+                if x < w && y < h {
+                    let n = &mut self.counts[(y * w + x) as usize];
+                    *n += 1;
+                    reached[usize::from(*n)] += 1;
+                }
+            }
+        }
+        let least = (1..=VOTERS).rev().find(|n| reached[*n] as usize >= most).unwrap_or(1) as u8;
+        self.found.clear();
+        for (c, some) in self.counts.chunks(64).enumerate() {
+            if some.iter().fold(0, |m, n| m.max(*n)) < least {
+                continue;
+            }
+            for (i, n) in some.iter().enumerate().filter(|(_, n)| **n >= least) {
+                let place = (c * 64 + i) as u32;
+                self.found.push((*n, key.bits(u64::from(place)) as u32, place));
+            }
+        }
+        let order = |f: &(u8, u32, u32)| (std::cmp::Reverse(f.0), f.1, f.2);
+        if self.found.len() > most {
+            self.found.select_nth_unstable_by_key(most, order);
+            self.found.truncate(most);
+        }
+        self.found.sort_unstable_by_key(order);
+        let at =
+            |p: u32| vec2(f64::from(first[0] + (p % w) as i32) + part.x, f64::from(first[1] + (p / w) as i32) + part.y);
+        self.found.iter().map(|f| at(f.2)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::exemplar::{TextonParams, analyse_textons};
+    use crate::texture::{MapKind, MapSet, Texture};
+    use proptest::prelude::*;
+
+    fn textons() -> TextonMap {
+        let noise = |x: u32, y: u32| Key::new(5).with(u64::from(x / 2)).unit(u64::from(y / 3)) as f32;
+        let t = Texture::from_fn(30, 24, 1, |x, y, out| out[0] = noise(x, y));
+        let maps = MapSet::new(vec![(MapKind::Height, t)]);
+        analyse_textons(&maps, &TextonParams { window: 5, ..TextonParams::default() }).unwrap().0
+    }
+
+    fn string(map: &TextonMap, at: Vec2, offsets: &[(f64, f64)]) -> Vec<Sample> {
+        let sample = |&(x, y): &(f64, f64)| {
+            let texel = texel_at([30, 24], at + vec2(x, y));
+            Sample { offset: vec2(x, y), label: map.labels(0)[texel as usize], texel }
+        };
+        offsets.iter().map(sample).collect()
+    }
+
+    /// Votes by trying every place.
+    fn naive(map: &TextonMap, s: &[Sample], inside: &Inside, part: Vec2) -> Vec<(usize, Vec2)> {
+        let mut out = vec![];
+        for y in -40..40 {
+            for x in -40..40 {
+                let at = vec2(f64::from(x), f64::from(y)) + part;
+                if inside.contains(at) {
+                    let hits =
+                        s.iter().filter(|s| map.labels(0)[texel_at([30, 24], at + s.offset) as usize] == s.label);
+                    out.push((hits.count(), at));
+                }
+            }
+        }
+        out
+    }
+
+    proptest! {
+        #[test]
+        fn votes_are_those_of_trying_every_place(
+            offsets in prop::collection::vec((-3.0..4.0f64, -2.0..5.0f64), 1..20), x in 4.0..25.0f64, y in 3.0..18.0f64,
+        ) {
+            let map = textons();
+            let inside = Inside::new([30, 24], (vec2(-3.0, -2.0), vec2(4.0, 5.0)));
+            let base = vec2(x, y);
+            let s = string(&map, base, &offsets);
+            let part = vec2(x - x.floor(), y - y.floor());
+            let mut truth = naive(&map, &s, &inside, part);
+            truth.retain(|t| t.0 > 0);
+            let votes = |at: Vec2| truth.iter().find(|t| (t.1 - at).length() < 1e-9).map(|t| t.0);
+            let mut all: Vec<usize> = truth.iter().map(|t| t.0).collect();
+            all.sort_unstable_by(|a, b| b.cmp(a));
+            let found = Ballot::default().best(&map, &s, &inside, base, 12, Key::new(1));
+            let got: Vec<usize> = found.iter().map(|at| votes(*at).expect("a place inside")).collect();
+            prop_assert_eq!(&got[..], &all[..all.len().min(12)]);
+            prop_assert_eq!(got[0], s.len(), "the place it was taken from has all votes");
+            prop_assert_eq!(error(&map, &s, base), 0);
+            prop_assert_eq!(fine_error(&map, &s, base), 0);
+        }
+    }
+
+    #[test]
+    fn eq_2_sums_the_distances_of_labels() {
+        let map = textons();
+        let s = string(&map, vec2(10.2, 10.7), &[(0.0, 0.0), (3.4, -1.0), (-2.0, 2.2)]);
+        let at = vec2(15.5, 9.5);
+        let one = |s: &Sample| {
+            let p = at + s.offset;
+            map.distance(map.labels(0)[p.y as usize * 30 + p.x as usize], s.label)
+        };
+        assert_eq!(error(&map, &s, at), s.iter().map(|s| u64::from(one(s))).sum::<u64>());
+    }
+
+    #[test]
+    fn a_piece_without_room_has_no_place() {
+        let map = textons();
+        let inside = Inside::new([30, 24], (vec2(-20.0, 0.0), vec2(20.0, 1.0)));
+        assert!(inside.is_empty());
+        let s = string(&map, vec2(10.0, 10.0), &[(0.0, 0.0)]);
+        assert!(Ballot::default().best(&map, &s, &inside, vec2(10.0, 10.0), 5, Key::new(1)).is_empty());
+    }
+}
