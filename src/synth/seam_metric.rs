@@ -234,22 +234,27 @@ fn cost(x: &[f32; COMPONENTS], y: &[f32; COMPONENTS], sharpness: f32) -> i32 {
     (distance * sharpness).min(MOST) as i32
 }
 
-/// Divides texels into groups of equal size by the leading component of their appearance, and each by the second.
+/// Divides texels into groups of about equal size by the leading component of their appearance, and each by the second.
+/// What looks the same is in one group.
 fn looks(values: &[[f32; COMPONENTS]]) -> Vec<u8> {
-    let by =
-        |c: usize| move |a: &u32, b: &u32| values[*a as usize][c].total_cmp(&values[*b as usize][c]).then(a.cmp(b));
-    let mut order: Vec<u32> = (0..values.len() as u32).collect();
-    order.sort_unstable_by(by(0));
+    let all: Vec<u32> = (0..values.len() as u32).collect();
     let mut out = vec![0; values.len()];
-    let part = |n: usize, i: usize, parts: usize| i * n / parts..(i + 1) * n / parts;
-    for i in 0..LOOKS_BY[0] {
-        let some = &mut order[part(values.len(), i, LOOKS_BY[0])];
-        some.sort_unstable_by(by(1));
-        for j in 0..LOOKS_BY[1] {
-            for t in &some[part(some.len(), j, LOOKS_BY[1])] {
-                out[*t as usize] = (i * LOOKS_BY[1] + j) as u8;
-            }
+    for (i, some) in shared_out(&all, LOOKS_BY[0], |t| values[t as usize][0]).into_iter().enumerate() {
+        for (j, texels) in shared_out(&some, LOOKS_BY[1], |t| values[t as usize][1]).into_iter().enumerate() {
+            texels.iter().for_each(|t| out[*t as usize] = (i * LOOKS_BY[1] + j) as u8);
         }
+    }
+    out
+}
+
+/// Divides texels by where a value lies among its quantiles.
+fn shared_out(texels: &[u32], parts: usize, value: impl Fn(u32) -> f32) -> Vec<Vec<u32>> {
+    let mut sorted: Vec<f32> = texels.iter().map(|t| value(*t)).collect();
+    sorted.sort_unstable_by(f32::total_cmp);
+    let bounds: Vec<f32> = (1..parts).filter_map(|i| sorted.get(i * sorted.len() / parts).copied()).collect();
+    let mut out = vec![vec![]; parts];
+    for &t in texels {
+        out[bounds.partition_point(|b| *b <= value(t))].push(t);
     }
     out
 }

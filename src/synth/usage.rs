@@ -137,13 +137,12 @@ mod tests {
     fn use_beyond_the_due_share_costs() {
         // 64 sources of 1024 texels: four cells of 16 x 16 texels, 16 sources each; 32 looks of 32 texels, 2 sources each.
         let domain = Domain::full(32, 32, Wrap::Clamp);
-        let values = |t: usize| [(t % 32) as f32, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let values = |t: usize| [(t % 32 / 4) as f32, (t / 32 / 8) as f32, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         let metric = Metric::of_values((0..1024).map(values).collect(), [32, 32]);
-        let sources: Vec<[u16; 2]> =
-            (0..64).map(|i| if i < 48 { [i % 2, i / 2 % 2] } else { [16 + i % 16, 20] }).collect();
+        let sources = (0..64).map(|i| if i < 48 { [i % 2, i / 2 % 2] } else { [16 + i % 16, 20] });
+        let sources: Vec<[u16; 2]> = sources.collect();
         let mut usage = Usage::new(&domain, &metric, sources.into_iter());
         let price = |parts: f32, looks: f32| ((OVERUSE * parts + OVERUSE_OF_LOOKS * looks) * UNIT) as i32;
-        // Each look is of four columns and eight rows.
         let costs = |usage: &Usage| [0, 20 * 32 + 21, 20].map(|t| usage.cost(t));
         assert_eq!(costs(&usage), [price(2.0, 23.0), price(0.0, 1.0), 0]);
         (0..24).for_each(|i| usage.moved([i % 2, i / 2 % 2], [20, 0]));
