@@ -9,7 +9,7 @@ use super::tree::{At, Entry, Node, Table, Value};
 use super::words::{MapFile, Word};
 
 /// Two keys that exclude each other, and why.
-const RIVALS: [(&str, &str, &str); 16] = [
+const RIVALS: [(&str, &str, &str); 17] = [
     ("mesh", "canvas", "a recipe covers a mesh or fills a canvas; make two recipes"),
     ("canvas", "field", "a canvas has no surface for a field to lie on"),
     ("canvas", "atlas", "a canvas needs no unwrap; its `maps`, `format` and `compression` go into [canvas]"),
@@ -17,6 +17,7 @@ const RIVALS: [(&str, &str, &str); 16] = [
     ("canvas", "render", "a canvas is its own picture"),
     ("canvas", "synthesis.scale", "a canvas has no unit of length; its texels are the exemplar's"),
     ("canvas", "synthesis.order", "a canvas has no vertices; `order` in [canvas] is the order of its texels"),
+    ("canvas", "synthesis.sharpness", "a canvas is blended by a kernel; `blend_kernel` in [canvas] is its size"),
     ("atlas.size", "atlas.texels_per_unit", "each follows from the other; keep one"),
     ("atlas.unwrap", "atlas.keep_uv", "the texture coordinates are made or kept; keep one"),
     ("atlas.keep_uv", "atlas.texels_per_unit", "kept texture coordinates have their scale already; give `size`"),

@@ -107,6 +107,10 @@ pub struct Mesh {
     /// Only the primitives of these materials; the others pass through untouched. Default: all.
     #[schemars(transform = filled)]
     pub materials: Option<Vec<String>>,
+    /// Simplifications of the mesh, finest first: they are baked as well, with the texture that the mesh has there, so
+    /// that a change of level does not change the picture.
+    #[schemars(length(max = limits::LODS))]
+    pub lods: Vec<String>,
 }
 
 /// A flat image instead of a mesh.
@@ -481,6 +485,9 @@ pub struct Synthesis {
     pub refine: u32,
     /// How patches meet.
     pub blend: Blend,
+    /// Power to which the weights of patches are raised where they meet: the higher, the narrower the blend. Meshes only.
+    #[schemars(transform = within(limits::SHARPNESS))]
+    pub sharpness: u32,
 }
 
 impl Default for Synthesis {
@@ -492,6 +499,7 @@ impl Default for Synthesis {
             patch: 1.0,
             refine: 2,
             blend: Blend::Linear,
+            sharpness: 1,
         }
     }
 }

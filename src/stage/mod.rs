@@ -10,6 +10,7 @@
 //!            ^                                        ^
 //! surface ---+--> unwrap -----------------------------'
 //!
+//! lod:      its prepare ---> take from finest (instead of field and synthesise) ---> as above
 //! canvas:   maps -------> analyse ----------> walk image ------> copy image ------------> encode
 //! flipbook: flipbook ---> analyse flipbook -> walk flipbook ---> copy frame, one each --> encode
 //! ```
@@ -24,6 +25,7 @@ mod encode;
 mod field;
 mod flipbook;
 mod glb;
+mod lod;
 mod maps;
 pub mod painting;
 pub mod plan;

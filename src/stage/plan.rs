@@ -32,6 +32,7 @@ use super::encode::Encode;
 use super::field::LayField;
 use super::flipbook::{AnalyseFlipbook, CopyFrame, ReadFlipbook, WalkFlipbook, frame_number};
 use super::glb::{AtlasGlb, UvSetsGlb};
+use super::lod::TakeFromFinest;
 use super::maps::Maps;
 use super::painting::Picture;
 use super::prepare::{Prepare, Scale};
@@ -82,8 +83,9 @@ pub fn add(graph: &mut Graph, recipe: &Recipe, out: &Path, disk: &dyn Disk) -> R
     let maps = planner.map_files()?;
     match &recipe.target {
         Target::Mesh(bake) => {
-            let scene = planner.scene(bake)?;
-            planner.mesh(bake, scene, maps);
+            let files = std::iter::once(&bake.mesh).chain(&bake.lods);
+            let scenes = files.map(|file| planner.scene(file, bake)).collect::<Result<Vec<_>, _>>()?;
+            planner.mesh(bake, scenes, maps);
         }
         Target::Canvas(canvas) => planner.canvas(canvas, maps),
     }
@@ -278,30 +280,35 @@ impl Planner<'_> {
         for frame in 0..frames {
             let copy = CopyFrame { recipe: self.name(), frame, images: maps.iter().map(image_spec).collect(), kernel };
             let copy = self.step(copy, &[walk.into(), read.into()]);
-            self.encode(maps, *compression, copy, Some(frame));
+            self.encode(&self.name(), maps, *compression, copy, Some(frame));
         }
         Ok(())
     }
 
     /// Encodes the files of a bundle as outputs `<name>.<map>.<ext>`, of a flipbook `<name>.<map>.<frame>.<ext>`.
-    fn encode(&mut self, files: &[MapOutput], compression: recipe::Compression, bundle: StepId, frame: Option<u32>) {
+    fn encode(
+        &mut self,
+        name: &str,
+        files: &[MapOutput],
+        compression: recipe::Compression,
+        bundle: StepId,
+        frame: Option<u32>,
+    ) {
         for output in files {
             let frame = frame.map(|t| format!(".{}", frame_number(t))).unwrap_or_default();
             let image = format!("{}{frame}", output.map.name());
             let (container, ext) = container(output, compression);
-            let file = format!("{}.{image}.{ext}", self.recipe.name);
-            let step = Encode { recipe: self.name(), image, container };
+            let file = format!("{name}.{image}.{ext}");
+            let step = Encode { recipe: name.to_string(), image, container };
             let step = self.step(step, &[bundle.into()]);
             self.output(step, &file);
         }
     }
 
     /// The scene's files as inputs.
-    fn scene(&mut self, bake: &MeshBake) -> Result<(SceneFiles, Vec<InputId>), PlanError> {
-        let path = &bake.mesh.path;
-        let fail = |why: String| {
-            PlanError(format!("{}: {why} (named as {} in {})", path.display(), bake.mesh.key, bake.mesh.place))
-        };
+    fn scene(&mut self, file: &FileRef, bake: &MeshBake) -> Result<Scene, PlanError> {
+        let FileRef { key, path, place, .. } = file;
+        let fail = |why: String| PlanError(format!("{}: {why} (named as {key} in {place})", path.display()));
         let bytes = self.disk.read(path, SCENE_LIMIT).map_err(|e| fail(e.to_string()))?;
         let label = path.to_string_lossy();
         let mut uris = external_files(super::file_name(&label), &bytes).map_err(|e| fail(e.to_string()))?;
@@ -316,19 +323,38 @@ impl Planner<'_> {
         Ok((SceneFiles { uris, materials: bake.materials.clone() }, inputs))
     }
 
-    /// A textured mesh.
-    fn mesh(&mut self, bake: &MeshBake, (scene, files): (SceneFiles, Vec<InputId>), maps: Vec<PathBuf>) {
+    /// A textured mesh and its simplifications: the finest is synthesised, the others take from it.
+    fn mesh(&mut self, bake: &MeshBake, scenes: Vec<Scene>, maps: Vec<PathBuf>) {
         let maps = self.maps(maps);
         let analyse = self.analyse(maps);
-        let recipe = self.name();
-        let surface = self.step(ReadSurface { recipe: recipe.clone(), scene: scene.clone() }, &files);
-        let scale = match bake.scale {
-            recipe::Scale::TexelsPerUnit(s) => Scale::Fixed(s),
-            recipe::Scale::Auto => Scale::Auto,
-        };
         let max_factor = bake.field.scale.iter().fold(1.0, |m: f64, c| m.max(c.factor));
-        let prepare = Prepare { recipe: recipe.clone(), scale, max_factor };
-        let prepare = self.step(prepare, &[surface.into(), maps.into()]);
+        let mut finest = None;
+        for (level, scene) in scenes.into_iter().enumerate() {
+            let name = if level == 0 { self.name() } else { format!("{}.lod{level}", self.recipe.name) };
+            let surface = self.step(ReadSurface { recipe: name.clone(), scene: scene.0.clone() }, &scene.1);
+            let mut inputs = vec![surface.into(), maps.into()];
+            inputs.extend(finest.map(|(prepare, _)| InputId::from(prepare)));
+            let scale = match (bake.scale, finest) {
+                (_, Some(_)) => Scale::Same,
+                (recipe::Scale::TexelsPerUnit(s), None) => Scale::Fixed(s),
+                (recipe::Scale::Auto, None) => Scale::Auto,
+            };
+            let prepare = self.step(Prepare { recipe: name.clone(), scale, max_factor }, &inputs);
+            let synthesise = match finest {
+                None => self.synthesise(bake, prepare, analyse, maps),
+                Some((finest, synthesised)) => {
+                    let inputs = [finest, synthesised, prepare].map(InputId::from);
+                    self.step(TakeFromFinest { recipe: name.clone() }, &inputs)
+                }
+            };
+            finest = finest.or(Some((prepare, synthesise)));
+            self.level(bake, name, scene, Level { maps, analyse, surface, prepare, synthesise });
+        }
+    }
+
+    /// The field and the walk.
+    fn synthesise(&mut self, bake: &MeshBake, prepare: StepId, analyse: StepId, maps: StepId) -> StepId {
+        let recipe = self.name();
         let (field, symmetry) = lay_field(&recipe, &bake.field);
         let field = self.step(field, &[prepare.into()]);
         let recipe::Synthesis { seed, patch, refine, blend } = self.recipe.synthesis;
@@ -343,10 +369,14 @@ impl Planner<'_> {
             recipe::Blend::None => Blend::Nearest,
         };
         let walk = VertexWalkParams { patch, seed, ..VertexWalkParams::default() };
-        let synthesise = Synthesise { recipe: recipe.clone(), walk, symmetry, order, blend, refine, importance };
-        let inputs = [prepare, field, analyse, maps].map(InputId::from);
-        let synthesise = self.step(synthesise, &inputs);
+        let sharpness = bake.sharpness;
+        let synthesise = Synthesise { recipe, walk, symmetry, order, blend, sharpness, refine, importance };
+        self.step(synthesise, &[prepare, field, analyse, maps].map(InputId::from))
+    }
 
+    /// What comes out of one level of detail.
+    fn level(&mut self, bake: &MeshBake, recipe: String, (scene, files): Scene, level: Level) {
+        let Level { maps, analyse, surface, prepare, synthesise } = level;
         let mut atlas_steps = None;
         if let Some(atlas) = &bake.atlas {
             let (layout, gutter_px) = layout(atlas);
@@ -354,7 +384,7 @@ impl Planner<'_> {
             let images = atlas.maps.iter().map(image_spec).collect();
             let inputs = [surface, prepare, synthesise, unwrap, maps].map(InputId::from);
             let bundle = self.step(Rasterise { recipe: recipe.clone(), images, gutter_px }, &inputs);
-            self.encode(&atlas.maps, atlas.compression, bundle, None);
+            self.encode(&recipe, &atlas.maps, atlas.compression, bundle, None);
             let glb = AtlasGlb { recipe: recipe.clone(), scene: scene.clone() };
             let inputs = [&files[..], &[surface, unwrap, bundle].map(InputId::from)].concat();
             let glb = self.step(glb, &inputs);
@@ -369,15 +399,29 @@ impl Planner<'_> {
         }
         let mut inputs = [surface, prepare, synthesise, maps].map(InputId::from).to_vec();
         inputs.extend(atlas_steps.iter().flat_map(|(unwrap, bundle)| [InputId::from(*unwrap), InputId::from(*bundle)]));
+        // `name` for the finest, `name.lod1` for the first simplification.
+        let suffix = recipe.strip_prefix(&self.recipe.name).unwrap_or_default().to_string();
         for view in &bake.renders {
-            let render = RenderView { recipe: recipe.clone(), view: view.clone() };
-            let render = self.step(render, &inputs);
-            self.output(render, &format!("render/{}.png", view.name));
+            let file = format!("render/{}{suffix}.png", view.name);
+            let render = self.step(RenderView { recipe: recipe.clone(), view: view.clone() }, &inputs);
+            self.output(render, &file);
         }
         inputs[3] = analyse.into();
         let report = self.step(Report { recipe }, &inputs);
-        self.output(report, "report.json");
+        self.output(report, &format!("report{suffix}.json"));
     }
+}
+
+/// A scene's files, and they as inputs.
+type Scene = (SceneFiles, Vec<InputId>);
+
+/// The steps that the outputs of a level are made from.
+struct Level {
+    maps: StepId,
+    analyse: StepId,
+    surface: StepId,
+    prepare: StepId,
+    synthesise: StepId,
 }
 
 fn is_picture(uri: &str) -> bool {

@@ -30,7 +30,7 @@ impl Step for Report {
         let prepared: Prepared = super::read(inputs, 1)?;
         let synthesised: Synthesised = super::read(inputs, 2)?;
         let map = JumpMap::from_bytes(&inputs[3])?;
-        let c = synthesised.counters;
+        let walk = Synthesised::named_counters(&synthesised.counters).map(|(name, n)| (name.to_string(), json!(n)));
         let mut report = json!({
             "recipe": self.recipe,
             "mesh": {
@@ -44,13 +44,7 @@ impl Step for Report {
                 "triangles": prepared.mesh.mesh.faces.len(),
                 "vertices": prepared.mesh.mesh.positions.len(),
                 "sets": synthesised.sets.sets.len(),
-                "walk": {
-                    "seeds": c.seeds,
-                    "continuations": c.continuations,
-                    "jumps": c.jumps,
-                    "dropped_invalid": c.dropped_invalid,
-                    "random_fallbacks": c.random_fallbacks,
-                },
+                "walk": Value::Object(walk.into_iter().collect()),
             },
         });
         if inputs.len() > 4 {
