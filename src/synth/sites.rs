@@ -122,7 +122,7 @@ impl<'a> Spread<'a> {
             if distance >= limit || label.length > LONGEST * limit {
                 continue;
             }
-            label.weight = weigh(label.vertex, distance) as f32;
+            label.weight = weigh(label.vertex, distance).max(0.0) as f32;
             if label.weight <= 0.0 {
                 continue;
             }
