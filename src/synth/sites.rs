@@ -190,8 +190,7 @@ impl Sites {
     /// Chooses sites `spacing` texels apart; `None` if every vertex would be one.
     ///
     /// `offsets` as for the walk, finite; `turned`: whether frames may be quarter turns apart. Vertices are taken in order
-    /// of index unless a site is nearer than `spacing`. About 1.5 us per vertex where cells are large, half of it in
-    /// parallel.
+    /// of index unless a site is nearer than `spacing`.
     pub fn new(topology: &Topology, offsets: &[Vec2], spacing: f64, turned: bool) -> Option<Sites> {
         let net = Net { topology, offsets, turned };
         let (vertices, nearest) = choose(net, spacing);
