@@ -159,6 +159,9 @@ impl Sampled {
 /// Weights below this change no 16-bit value and are left out.
 const NEGLIGIBLE: f32 = 1e-6;
 
+/// Places of the sample nearer than this, in texels, are taken to be alike in proportion: a rough width of its detail.
+const ALIKE: f32 = 2.0;
+
 /// The corner coordinates of one face, ready to be looked up many times.
 pub struct FaceSets {
     count: usize,
@@ -167,6 +170,7 @@ pub struct FaceSets {
     /// Directions in the world of the sample's right and up, not orthonormal; zeros where the face has none.
     frames: [[V3; 2]; 4],
     blend: Blend,
+    sharpness: u32,
 }
 
 impl FaceSets {
@@ -180,7 +184,7 @@ impl FaceSets {
             corners[s].copy_from_slice(&set[at..at + 3]);
         }
         let weights = [sets.weights[at], sets.weights[at + 1], sets.weights[at + 2]];
-        FaceSets { count, corners, weights, frames: Default::default(), blend: sets.blend }
+        FaceSets { count, corners, weights, frames: Default::default(), blend: sets.blend, sharpness: sets.sharpness }
     }
 
     /// Adds what [`normal`](Self::normal) needs: how the sample lies on the face in the world.
@@ -216,8 +220,9 @@ impl FaceSets {
     }
 
     /// Calls `f(weight, set, position)` for each set that counts at a point. Returns the factor that makes the weights
-    /// sum to 1 and the gain of what differs from the mean: for uncorrelated samples a weighted mean of such weights
-    /// has the sum of their squares of the variance of one sample, which `Variance` gives back.
+    /// sum to 1 and the gain of what differs from the mean: a weighted mean of samples has the sum of w_i w_j r_ij of the
+    /// variance of one sample, r_ij their correlation, which `Variance` gives back. Sets that are at the same place are
+    /// wholly correlated, those further apart than [`ALIKE`] not at all.
     #[inline]
     fn each(&self, b: [f32; 3], mut f: impl FnMut(f32, usize, Texel)) -> (f32, f32) {
         let mut w = mix(&self.weights, b);
@@ -226,18 +231,24 @@ impl FaceSets {
             w = [0.0; 4];
             w[best] = 1.0;
         }
-        let (mut sum, mut squares) = (0.0, 0.0);
-        for (s, &w) in w.iter().enumerate().take(self.count) {
-            if w > NEGLIGIBLE {
-                (sum, squares) = (sum + w, squares + w * w);
-                f(w, s, self.position(s, b));
+        w = w.map(|w| (1..self.sharpness).fold(w, |p, _| p * w));
+        let (mut sum, mut variance) = (0.0, 0.0);
+        let mut at = [Texel::default(); 4];
+        for s in (0..self.count).filter(|s| w[*s] > NEGLIGIBLE) {
+            at[s] = self.position(s, b);
+            (sum, variance) = (sum + w[s], variance + w[s] * w[s]);
+            f(w[s], s, at[s]);
+            if self.blend == Blend::Variance {
+                for t in (0..s).filter(|t| w[*t] > NEGLIGIBLE) {
+                    variance += 2.0 * w[s] * w[t] * alikeness(at[s], at[t]);
+                }
             }
         }
         if sum <= 0.0 {
             f(1.0, 0, self.position(0, b));
             return (1.0, 1.0);
         }
-        (1.0 / sum, if self.blend == Blend::Variance { sum / squares.sqrt() } else { 1.0 })
+        (1.0 / sum, if self.blend == Blend::Variance { sum / variance.sqrt() } else { 1.0 })
     }
 
     #[inline]
@@ -276,6 +287,13 @@ impl FaceSets {
         });
         unit_or(std::array::from_fn(|k| mean[k] + (sum[k] - mean[k]) * gain), n)
     }
+}
+
+/// Correlation of the sample's values at two places, from their distance alone.
+#[inline]
+fn alikeness(a: Texel, b: Texel) -> f32 {
+    let (x, y) = (a.x - b.x, a.y - b.y);
+    (1.0 - (x * x + y * y).sqrt() / ALIKE).max(0.0)
 }
 
 /// Directions in the world in which the sample's x grows and its y falls.

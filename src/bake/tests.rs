@@ -287,13 +287,17 @@ fn variance_blending_stretches_what_differs_from_the_mean() {
     let set = vec![texel(1.5, 0.5); 3];
     let mut sets = UvSets {
         exemplar_size: [4, 1],
-        sets: vec![set.clone(), set],
+        sets: vec![set.clone(), set.iter().map(|a| texel(a.x, a.y + 8.0)).collect()],
         weights: vec![[0.5, 0.5, 0.0, 0.0]; 3],
         blend: Blend::Variance,
+        sharpness: 1,
     };
     let pyramid = Pyramid::<1>::new(&sample);
     let value = |sets: &UvSets| FaceSets::new(sets, 0).value(&pyramid, [0.2, 0.3, 0.5], &[0.0; 4])[0];
     assert!((value(&sets) - (0.5 - 0.1 / 0.5f32.sqrt())).abs() < 1e-6);
+    // Where both sets show the same place nothing was lost.
+    sets.sets[1] = sets.sets[0].clone();
+    assert!((value(&sets) - 0.4).abs() < 1e-6);
     sets.blend = Blend::Linear;
     assert!((value(&sets) - 0.4).abs() < 1e-6);
 }
@@ -448,4 +452,38 @@ fn a_real_mesh_bakes_without_visible_seams() {
     let out = bake_map(&inputs, MapKind::BaseColor, &noise(64)).expect("they fit");
     let found = seam_error(surface, atlas, MapKind::BaseColor, &out, 0);
     assert!(found.edges > 1000 && found.mean < 2.0, "white noise: {found:?}");
+}
+
+/// Blends of three random places over a face against the sample itself: mean distance of the sorted values (the
+/// Wasserstein distance of their histograms).
+#[test]
+fn variance_blending_and_sharper_weights_keep_the_histogram() {
+    let draws = Key::new(8);
+    let sample = Texture::from_fn(64, 64, 1, |x, y, out| {
+        let v = draws.with(u64::from(y / 3)).unit(u64::from(x / 3)) as f32;
+        out[0] = v * v;
+    });
+    let pyramid = Pyramid::<1>::new(&sample);
+    let distance = |blend: Blend, sharpness: u32| {
+        let mut values: Vec<f32> = (0..4096u64)
+            .map(|i| {
+                let d = draws.with_str("face").with(i);
+                let place = |s: u64| texel(1.0 + 62.0 * d.unit(2 * s) as f32, 1.0 + 62.0 * d.unit(2 * s + 1) as f32);
+                let sets = (0..3).map(|s| vec![place(s); 3]).collect();
+                let weights = vec![[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+                let sets = UvSets { exemplar_size: [64, 64], sets, weights, blend, sharpness };
+                let (a, b) = (d.unit(8) as f32, d.unit(9) as f32);
+                let bary = if a + b > 1.0 { [a + b - 1.0, 1.0 - a, 1.0 - b] } else { [1.0 - a - b, a, b] };
+                FaceSets::new(&sets, 0).value(&pyramid, bary, &[0.0; 4])[0]
+            })
+            .collect();
+        let mut own = sample.data().to_vec();
+        values.sort_unstable_by(f32::total_cmp);
+        own.sort_unstable_by(f32::total_cmp);
+        values.iter().zip(&own).map(|(a, b)| (a - b).abs()).sum::<f32>() / own.len() as f32
+    };
+    let (linear, variance, sharp) =
+        (distance(Blend::Linear, 1), distance(Blend::Variance, 1), distance(Blend::Linear, 6));
+    println!("histogram distances: linear {linear}, variance {variance}, sharpened {sharp}");
+    assert!(variance < 0.6 * linear && sharp < 0.6 * linear, "{linear} {variance} {sharp}");
 }

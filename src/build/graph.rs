@@ -36,6 +36,10 @@ pub trait Step: Send + Sync {
     fn describe(&self, visitor: &mut dyn Visitor);
     /// Does the work. Runs on the engine's pool; loops of `numerics::par` stay on it.
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError>;
+    /// What the artefact that was just made came with, in numbers, for the trace of the run.
+    fn counters(&self, _artefact: &[u8]) -> Vec<(&'static str, u64)> {
+        Vec::new()
+    }
 }
 
 /// Shared, immutable bytes of a file or an artefact; cloning copies nothing.

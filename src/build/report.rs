@@ -46,6 +46,8 @@ pub struct StepReport {
     pub duration: Duration,
     /// Which thread worked on it, from 0.
     pub thread: usize,
+    /// What the step counted, if it ran.
+    pub counters: Vec<(&'static str, u64)>,
 }
 
 /// What became of a step.

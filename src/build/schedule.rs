@@ -238,6 +238,11 @@ impl<'a> Work<'a> {
 
     /// Enters a task's end into the books, which wakes whoever waits for it.
     fn settle(&self, step: StepId, end: End, start: Duration) {
+        let node = &self.world.graph.nodes[step.index()];
+        let counters = match &end {
+            End::Done { bytes: Some(bytes), outcome: Outcome::Ran, .. } => node.step.counters(bytes),
+            _ => Vec::new(),
+        };
         let mut books = self.lock();
         books.running -= 1;
         let (artefact, outcome, reasons) = match end {
@@ -252,7 +257,8 @@ impl<'a> Work<'a> {
             }
         };
         drop(books);
-        let mut report = step_report(&self.world.graph.nodes[step.index()], artefact, outcome, reasons);
+        let mut report = step_report(node, artefact, outcome, reasons);
+        report.counters = counters;
         report.start = start;
         report.duration = self.begun.elapsed().saturating_sub(start);
         report.thread = rayon::current_thread_index().unwrap_or(0);
@@ -278,6 +284,7 @@ pub(super) fn step_report(
         start: Duration::ZERO,
         duration: Duration::ZERO,
         thread: 0,
+        counters: Vec::new(),
     }
 }
 

@@ -9,7 +9,8 @@ use serde_json::{Value, json};
 use super::report::{Outcome, Report, StepReport};
 
 /// Trace of a run, in the JSON object form. One complete event (`X`) per step that was not simply up to date: name,
-/// kind as category, microseconds, thread; `args` tell whether it came from the cache, why, and how many bytes it has.
+/// kind as category, microseconds, thread; `args` tell whether it came from the cache, why, how many bytes it has
+/// and what it counted.
 pub fn chrome_trace(report: &Report) -> String {
     let worked = |step: &&StepReport| step.duration > Duration::ZERO;
     let mut events: Vec<Value> = report.steps.iter().filter(worked).map(event).collect();
@@ -38,6 +39,7 @@ fn event(step: &StepReport) -> Value {
             "failed": matches!(step.outcome, Outcome::Failed(_)),
             "reasons": step.reasons,
             "bytes": step.len,
+            "counters": step.counters.iter().map(|(name, n)| (name.to_string(), json!(n))).collect::<serde_json::Map<_, _>>(),
         },
     })
 }

@@ -3,6 +3,7 @@
 //! Winding is counter-clockwise seen from outside. An edge vector of (i, j) points from i to j.
 
 pub mod check;
+pub mod nearest;
 mod prepare;
 mod sheets;
 mod subdivide;

@@ -26,6 +26,16 @@ impl Topology {
         Topology { starts, neighbours, face_starts, faces }
     }
 
+    /// Adjacency without faces: the neighbours of each vertex, ascending, each the other's.
+    pub(crate) fn from_rows(rows: Vec<Vec<u32>>) -> Self {
+        let ends = rows.iter().scan(0, |end, row| {
+            *end += row.len() as u32;
+            Some(*end)
+        });
+        let starts: Vec<u32> = std::iter::once(0).chain(ends).collect();
+        Topology { face_starts: vec![0; starts.len()], starts, neighbours: rows.concat(), faces: vec![] }
+    }
+
     /// Number of vertices.
     pub fn vertex_count(&self) -> usize {
         self.starts.len() - 1

@@ -68,6 +68,10 @@ pub const GUIDE_WEIGHT: RangeInclusive<f64> = 0.01..=100.0;
 pub const SAMPLES: usize = 63;
 /// Correction passes.
 pub const REFINE: RangeInclusive<u32> = 0..=16;
+/// Power of the blend weights.
+pub const SHARPNESS: RangeInclusive<u32> = 1..=16;
+/// Simplified meshes beside the finest.
+pub const LODS: usize = 16;
 /// Largest seed.
 pub const SEED: RangeInclusive<u64> = 0..=i64::MAX as u64;
 /// Coordinates of points and directions, in mesh units.

@@ -9,7 +9,7 @@ use super::tree::{At, Entry, Node, Table, Value};
 use super::words::{MapFile, Word};
 
 /// Two keys that exclude each other, and why.
-const RIVALS: [(&str, &str, &str); 36] = [
+const RIVALS: [(&str, &str, &str); 37] = [
     ("mesh", "canvas", "a recipe covers a mesh or fills a canvas; make two recipes"),
     ("canvas", "field", "a canvas has no surface for a field to lie on"),
     ("canvas", "atlas", "a canvas needs no unwrap; its `maps`, `format` and `compression` go into [canvas]"),
@@ -31,6 +31,7 @@ const RIVALS: [(&str, &str, &str); 36] = [
     ("canvas.sources", "synthesis.seed", "the sources were chosen already; keep one"),
     ("canvas.sources", "synthesis.patch", "the sources were chosen already; keep one"),
     ("canvas.sources", "synthesis.refine", "the sources were chosen already; nothing is corrected"),
+    ("canvas", "synthesis.sharpness", "a canvas is blended by a kernel; `blend_kernel` in [canvas] is its size"),
     ("atlas.size", "atlas.texels_per_unit", "each follows from the other; keep one"),
     ("atlas.unwrap", "atlas.keep_uv", "the texture coordinates are made or kept; keep one"),
     ("atlas.keep_uv", "atlas.texels_per_unit", "kept texture coordinates have their scale already; give `size`"),
@@ -49,13 +50,15 @@ const RIVALS: [(&str, &str, &str); 36] = [
 ];
 
 /// Keys that only one method reads.
-const METHOD_KEYS: [(&str, &str); 14] = [
+const METHOD_KEYS: [(&str, &str); 16] = [
     ("analysis.neighbourhoods", "jump-map"),
     ("analysis.jumps", "jump-map"),
     ("analysis.variance", "jump-map"),
     ("analysis.alpha", "jump-map"),
     ("analysis.diversity", "jump-map"),
     ("analysis.min_distance", "jump-map"),
+    ("mesh.lods", "jump-map"),
+    ("synthesis.sharpness", "jump-map"),
     ("analysis.window", "texton"),
     ("analysis.count", "texton"),
     ("analysis.features", "texton"),

@@ -107,6 +107,10 @@ pub struct Mesh {
     /// Only the primitives of these materials; the others pass through untouched. Default: all.
     #[schemars(transform = filled)]
     pub materials: Option<Vec<String>>,
+    /// Simplifications of the mesh, finest first: they are baked as well, with the texture that the mesh has there, so
+    /// that a change of level does not change the picture.
+    #[schemars(length(max = limits::LODS))]
+    pub lods: Vec<String>,
 }
 
 /// A flat image instead of a mesh.
@@ -590,6 +594,9 @@ pub struct Synthesis {
     /// sides is greater.
     #[schemars(transform = within(limits::BLEND_THRESHOLD))]
     pub blend_threshold: f64,
+    /// Power to which the weights of patches are raised where they meet: the higher, the narrower the blend. Meshes only.
+    #[schemars(transform = within(limits::SHARPNESS))]
+    pub sharpness: u32,
 }
 
 impl Default for Synthesis {
@@ -603,6 +610,7 @@ impl Default for Synthesis {
             blend: Blend::Linear,
             candidates: 64,
             blend_threshold: 0.02,
+            sharpness: 1,
         }
     }
 }

@@ -106,6 +106,7 @@ seed = 1                                # another number gives another texture o
 # patch = 1.0                           # 1.0 to 1.5; larger patches repeat more and break up less
 # refine = 2                            # correction passes
 # blend = "linear"                      # "linear", "variance" or "none"
+# sharpness = 1                         # 2 or more: patches blend over less width
 
 [atlas]                                 # finished maps on a UV unwrap; remove when not wanted
 size = 2048

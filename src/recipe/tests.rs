@@ -162,6 +162,15 @@ fn every_key_arrives() {
 }
 
 #[test]
+fn levels_of_detail_are_meshes_beside_the_recipe() {
+    let text = format!("{LEAST}mesh.lods = ['b.obj', '../c.glb']\nsynthesis.sharpness = 3\n");
+    let bake = mesh_bake(read(&text).unwrap_or_else(|f| panic!("{}", f.render(false))));
+    let paths: Vec<&Path> = bake.lods.iter().map(|l| l.path.as_path()).collect();
+    assert_eq!(paths, [Path::new("recipes/b.obj"), Path::new("c.glb")]);
+    assert_eq!((bake.lods[1].key.as_str(), bake.sharpness), ("mesh.lods[1]", 3));
+}
+
+#[test]
 fn everything_but_the_mesh_and_the_exemplar_has_a_default() {
     let recipe = read(LEAST).unwrap_or_else(|f| panic!("{}", f.render(false)));
     assert_eq!(recipe.exemplar.importance, [(MapKind::BaseColor, 1.0)]);
@@ -401,6 +410,16 @@ fn mistakes_are_named_with_place_and_remedy() {
             "kn\\u001bot.glb",
             "4:8: `mesh.path` has a control character in it: \"assets/kn\\u{1b}ot.glb\": \
             expected a path",
+        ),
+        (
+            "materials = [\"Stone\"]",
+            "lods = [\"a.glb\", \"a.glb\"]",
+            "5:18: `mesh.lods` has \"a.glb\" twice; remove one",
+        ),
+        (
+            "patch = 1.0",
+            "sharpness = 0",
+            "37:13: `synthesis.sharpness` can't be 0: expected a whole number from 1 to 16",
         ),
         ("[\"Stone\"]", "[\"a\", \"a\"]", "5:19: `mesh.materials` has \"a\" twice; remove one"),
         ("symmetry = 1", "symmetry = 3", "25:12: `field.symmetry` can't be 3: expected 1, 2, 4 or \"isotropic\""),

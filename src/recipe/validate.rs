@@ -93,7 +93,8 @@ pub(super) fn name(path: &Path) -> Result<String, String> {
 pub(super) fn recipe(name: String, path: PathBuf, from: schema::Recipe, context: &mut Context) -> Recipe {
     let schema::Recipe { kiln: _, mesh, canvas, exemplar, analysis, field, synthesis, atlas, uv_sets, render } = from;
     let exemplar = exemplar_of(exemplar.unwrap_or_default(), context);
-    let schema::Synthesis { scale, seed, order, patch, refine, blend, candidates, blend_threshold } = synthesis;
+    let schema::Synthesis { scale, seed, order, patch, refine, blend, candidates, blend_threshold, sharpness } =
+        synthesis;
     let is_canvas = canvas.is_some();
     let target = match canvas {
         Some(canvas) => {
@@ -103,15 +104,17 @@ pub(super) fn recipe(name: String, path: PathBuf, from: schema::Recipe, context:
             Target::Canvas(canvas_of(canvas, &exemplar, context))
         }
         None => {
-            let schema::Mesh { path, materials } = mesh.unwrap_or_default();
+            let schema::Mesh { path, materials, lods } = mesh.unwrap_or_default();
             Target::Mesh(MeshBake {
-                mesh: mesh_file(path, context),
+                mesh: mesh_file("mesh.path", path.unwrap_or_default(), context),
+                lods: lods_of(lods, context),
                 materials: materials.inspect(|names| refuse_twice("mesh.materials", names, context)),
                 scale: match scale {
                     schema::Scale::Number(n) => Scale::TexelsPerUnit(n),
                     schema::Scale::Word(schema::Auto::Auto) => Scale::Auto,
                 },
                 order,
+                sharpness,
                 field: field_of(field.unwrap_or_default(), context),
                 atlas: atlas.map(|atlas| atlas_of(atlas, &exemplar, context)),
                 uv_sets: uv_sets.map(|schema::UvSets { weld }| UvSets { weld }),
@@ -123,13 +126,17 @@ pub(super) fn recipe(name: String, path: PathBuf, from: schema::Recipe, context:
     Recipe { name, path, exemplar, analysis, synthesis: Synthesis { seed, patch, refine, blend }, target }
 }
 
-fn mesh_file(path: Option<String>, context: &mut Context) -> FileRef {
-    const KEY: &str = "mesh.path";
-    let file = context.file(KEY, path.unwrap_or_default());
+fn lods_of(paths: Vec<String>, context: &mut Context) -> Vec<FileRef> {
+    refuse_twice("mesh.lods", &paths, context);
+    paths.into_iter().enumerate().map(|(i, path)| mesh_file(&format!("mesh.lods[{i}]"), path, context)).collect()
+}
+
+fn mesh_file(key: &str, path: String, context: &mut Context) -> FileRef {
+    let file = context.file(key, path);
     let extension = file.path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     if !file.written.is_empty() && !["glb", "gltf", "obj"].contains(&extension.as_str()) {
         let found = printable(&file.written);
-        let fault = context.fault(KEY, format!("`{KEY}` can't be \"{found}\""));
+        let fault = context.fault(key, format!("`{key}` can't be \"{found}\""));
         context.findings.push(fault.found(found).allowed("a .glb, .gltf or .obj file"));
     }
     file

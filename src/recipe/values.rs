@@ -232,10 +232,14 @@ pub struct MeshBake {
     pub mesh: FileRef,
     /// Only the primitives of these materials; `None`: all.
     pub materials: Option<Vec<String>>,
+    /// Simplifications that take their texture from the mesh, finest first.
+    pub lods: Vec<FileRef>,
     /// How large the sample lies on the surface.
     pub scale: Scale,
     /// In which order vertices are visited.
     pub order: WalkOrder,
+    /// Power of the blend weights, 1 or more.
+    pub sharpness: u32,
     /// Which way the sample lies.
     pub field: Field,
     /// A UV unwrap with finished maps.

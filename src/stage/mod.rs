@@ -12,6 +12,7 @@
 //!
 //! textons:  maps -> analyse textons; in place of synthesise: quilt -> blend mesh, blend sets, and the mesh of the former
 //!           in place of the prepared one
+//! lod:      its prepare ---> take from finest (instead of field and synthesise) ---> as above
 //! canvas:   maps -------> analyse ----------> walk image ------> copy image ------------> encode
 //! flipbook: flipbook ---> analyse flipbook -> walk flipbook ---> copy frame, one each --> encode
 //! ```
@@ -27,6 +28,7 @@ mod encode;
 mod field;
 mod flipbook;
 mod glb;
+mod lod;
 mod maps;
 pub mod painting;
 pub mod plan;

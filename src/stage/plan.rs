@@ -35,6 +35,7 @@ use super::encode::Encode;
 use super::field::LayField;
 use super::flipbook::{AnalyseFlipbook, CopyFrame, ReadFlipbook, WalkFlipbook, frame_number};
 use super::glb::{AtlasGlb, UvSetsGlb};
+use super::lod::TakeFromFinest;
 use super::maps::Maps;
 use super::painting::Picture;
 use super::prepare::{Prepare, Scale};
@@ -88,8 +89,9 @@ pub fn add(graph: &mut Graph, recipe: &Recipe, out: &Path, disk: &dyn Disk) -> R
     planner.check_files()?;
     match &recipe.target {
         Target::Mesh(bake) => {
-            let scene = planner.scene(bake)?;
-            planner.mesh(bake, scene);
+            let files = std::iter::once(&bake.mesh).chain(&bake.lods);
+            let scenes = files.map(|file| planner.scene(file, bake)).collect::<Result<Vec<_>, _>>()?;
+            planner.mesh(bake, scenes);
         }
         Target::Canvas(canvas) => planner.canvas(canvas),
     }
@@ -334,30 +336,35 @@ impl Planner<'_> {
         for frame in 0..frames {
             let copy = CopyFrame { recipe: self.name(), frame, images: maps.iter().map(image_spec).collect(), kernel };
             let copy = self.step(copy, &[walk.into(), read.into()]);
-            self.encode(maps, *compression, copy, Some(frame));
+            self.encode(&self.name(), maps, *compression, copy, Some(frame));
         }
         Ok(())
     }
 
     /// Encodes the files of a bundle as outputs `<name>.<map>.<ext>`, of a flipbook `<name>.<map>.<frame>.<ext>`.
-    fn encode(&mut self, files: &[MapOutput], compression: recipe::Compression, bundle: StepId, frame: Option<u32>) {
+    fn encode(
+        &mut self,
+        name: &str,
+        files: &[MapOutput],
+        compression: recipe::Compression,
+        bundle: StepId,
+        frame: Option<u32>,
+    ) {
         for output in files {
             let frame = frame.map(|t| format!(".{}", frame_number(t))).unwrap_or_default();
             let image = format!("{}{frame}", output.map.name());
             let (container, ext) = container(output, compression);
-            let file = format!("{}.{image}.{ext}", self.recipe.name);
-            let step = Encode { recipe: self.name(), image, container };
+            let file = format!("{name}.{image}.{ext}");
+            let step = Encode { recipe: name.to_string(), image, container };
             let step = self.step(step, &[bundle.into()]);
             self.output(step, &file);
         }
     }
 
     /// The scene's files as inputs.
-    fn scene(&mut self, bake: &MeshBake) -> Result<(SceneFiles, Vec<InputId>), PlanError> {
-        let path = &bake.mesh.path;
-        let fail = |why: String| {
-            PlanError(format!("{}: {why} (named as {} in {})", path.display(), bake.mesh.key, bake.mesh.place))
-        };
+    fn scene(&mut self, file: &FileRef, bake: &MeshBake) -> Result<Scene, PlanError> {
+        let FileRef { key, path, place, .. } = file;
+        let fail = |why: String| PlanError(format!("{}: {why} (named as {key} in {place})", path.display()));
         let bytes = self.disk.read(path, SCENE_LIMIT).map_err(|e| fail(e.to_string()))?;
         let label = path.to_string_lossy();
         let mut uris = external_files(super::file_name(&label), &bytes).map_err(|e| fail(e.to_string()))?;
@@ -372,26 +379,50 @@ impl Planner<'_> {
         Ok((SceneFiles { uris, materials: bake.materials.clone() }, inputs))
     }
 
-    /// A textured mesh.
-    fn mesh(&mut self, bake: &MeshBake, (scene, files): (SceneFiles, Vec<InputId>)) {
+    /// A textured mesh and its simplifications: the finest is synthesised, the others take from it.
+    fn mesh(&mut self, bake: &MeshBake, scenes: Vec<Scene>) {
         let samples = self.recipe.exemplar.samples();
         let maps = self.maps(0, &samples[0]);
-        let recipe = self.name();
         let textons = self.recipe.analysis.textons;
         let analyse = match textons {
             None => self.analyse(maps, false),
             Some(textons) => self.analyse_textons(maps, &textons),
         };
-        let surface = self.step(ReadSurface { recipe: recipe.clone(), scene: scene.clone() }, &files);
-        let scale = match bake.scale {
-            recipe::Scale::TexelsPerUnit(s) => Scale::Fixed(s),
-            recipe::Scale::Auto => Scale::Auto,
-        };
         let max_factor = bake.field.scale.iter().fold(1.0, |m: f64, c| m.max(c.factor));
         // The published method takes triangles as they are, as long as there is room for a choice of places.
         let max_span_share = (textons.is_some() && self.recipe.synthesis.refine == 0).then_some(0.25);
-        let prepare = Prepare { recipe: recipe.clone(), scale, max_factor, max_span_share };
-        let prepare = self.step(prepare, &[surface.into(), maps.into()]);
+        let mut finest = None;
+        for (level, scene) in scenes.into_iter().enumerate() {
+            let name = if level == 0 { self.name() } else { format!("{}.lod{level}", self.recipe.name) };
+            let surface = self.step(ReadSurface { recipe: name.clone(), scene: scene.0.clone() }, &scene.1);
+            let mut inputs = vec![surface.into(), maps.into()];
+            inputs.extend(finest.map(|(prepare, _)| InputId::from(prepare)));
+            let scale = match (bake.scale, finest) {
+                (_, Some(_)) => Scale::Same,
+                (recipe::Scale::TexelsPerUnit(s), None) => Scale::Fixed(s),
+                (recipe::Scale::Auto, None) => Scale::Auto,
+            };
+            let prepare = self.step(Prepare { recipe: name.clone(), scale, max_factor, max_span_share }, &inputs);
+            let (prepare, synthesise, field) = match finest {
+                None => self.synthesise(bake, [prepare, analyse, maps]),
+                Some((finest, synthesised)) => {
+                    let inputs = [finest, synthesised, prepare].map(InputId::from);
+                    (prepare, self.step(TakeFromFinest { recipe: name.clone() }, &inputs), None)
+                }
+            };
+            finest = finest.or(Some((prepare, synthesise)));
+            self.level(bake, name, scene, Level { maps, analyse, surface, prepare, synthesise, field });
+        }
+    }
+
+    /// The field and what is laid along it; of synthesis mesh, analysis and maps. Gives the mesh on which the result lies,
+    /// the result and the field.
+    fn synthesise(
+        &mut self,
+        bake: &MeshBake,
+        [prepare, analyse, maps]: [StepId; 3],
+    ) -> (StepId, StepId, Option<StepId>) {
+        let recipe = self.name();
         let (field, symmetry) = lay_field(&recipe, &bake.field);
         let field = self.step(field, &[prepare.into()]);
         let importance: BTreeMap<_, _> = self.recipe.exemplar.importance.iter().copied().collect();
@@ -400,11 +431,16 @@ impl Planner<'_> {
             recipe::WalkOrder::RenderingSequence => Order::RenderingSequence,
         };
         let inputs = [prepare, field, analyse, maps];
-        let (prepare, synthesise) = match textons {
-            None => (prepare, self.walk_vertices(order, symmetry, importance, inputs)),
+        let (prepare, synthesise) = match self.recipe.analysis.textons {
+            None => (prepare, self.walk_vertices(bake.sharpness, order, symmetry, importance, inputs)),
             Some(textons) => self.quilt_faces(&textons, symmetry, importance, inputs),
         };
+        (prepare, synthesise, Some(field))
+    }
 
+    /// What comes out of one level of detail.
+    fn level(&mut self, bake: &MeshBake, recipe: String, (scene, files): Scene, level: Level) {
+        let Level { maps, analyse, surface, prepare, synthesise, field } = level;
         let mut atlas_steps = None;
         if let Some(atlas) = &bake.atlas {
             let (layout, gutter_px) = layout(atlas);
@@ -412,7 +448,7 @@ impl Planner<'_> {
             let images = atlas.maps.iter().map(image_spec).collect();
             let inputs = [surface, prepare, synthesise, unwrap, maps].map(InputId::from);
             let bundle = self.step(Rasterise { recipe: recipe.clone(), images, gutter_px }, &inputs);
-            self.encode(&atlas.maps, atlas.compression, bundle, None);
+            self.encode(&recipe, &atlas.maps, atlas.compression, bundle, None);
             let glb = AtlasGlb { recipe: recipe.clone(), scene: scene.clone() };
             let inputs = [&files[..], &[surface, unwrap, bundle].map(InputId::from)].concat();
             let glb = self.step(glb, &inputs);
@@ -420,9 +456,9 @@ impl Planner<'_> {
             atlas_steps = Some((unwrap, bundle));
         }
         if let Some(uv_sets) = &bake.uv_sets {
-            let triangles = match order {
-                Order::RegionGrowing => TriangleOrder::Input,
-                Order::RenderingSequence => TriangleOrder::Cache,
+            let triangles = match bake.order {
+                recipe::WalkOrder::RegionGrowing => TriangleOrder::Input,
+                recipe::WalkOrder::RenderingSequence => TriangleOrder::Cache,
             };
             let glb = UvSetsGlb { recipe: recipe.clone(), scene, weld_texels: uv_sets.weld, triangles };
             let inputs = [&files[..], &[surface, prepare, synthesise, maps].map(InputId::from)].concat();
@@ -431,22 +467,28 @@ impl Planner<'_> {
         }
         let mut inputs = [surface, prepare, synthesise, maps].map(InputId::from).to_vec();
         inputs.extend(atlas_steps.iter().flat_map(|(unwrap, bundle)| [InputId::from(*unwrap), InputId::from(*bundle)]));
+        // `name` for the finest, `name.lod1` for the first simplification.
+        let suffix = recipe.strip_prefix(&self.recipe.name).unwrap_or_default().to_string();
         for view in &bake.renders {
             let (recipe, view) = (recipe.clone(), view.clone());
-            let path = format!("render/{}.png", view.name);
-            let render = match view.shading {
-                recipe::Shading::Field => {
+            let path = format!("render/{}{suffix}.png", view.name);
+            let render = match (view.shading, field) {
+                (recipe::Shading::Field, Some(field)) => {
                     let inputs = [surface, prepare, field].map(InputId::from);
                     self.step(RenderField { recipe, view }, &inputs)
                 }
+                // Levels of detail have no field of their own.
+                (recipe::Shading::Field, None) => continue,
                 _ => self.step(RenderView { recipe, view }, &inputs),
             };
             self.output(render, &path);
         }
         inputs[3] = analyse.into();
-        inputs.insert(4, field.into());
-        let report = self.step(Report { recipe }, &inputs);
-        self.output(report, "report.json");
+        if let Some(field) = field {
+            inputs.insert(4, field.into());
+        }
+        let report = self.step(Report { recipe, has_field: field.is_some() }, &inputs);
+        self.output(report, &format!("report{suffix}.json"));
     }
 
     /// Analyses the sample into textons.
@@ -465,6 +507,7 @@ impl Planner<'_> {
     /// Walks the vertices; of synthesis mesh, field, jump map and maps.
     fn walk_vertices(
         &mut self,
+        sharpness: u32,
         order: Order,
         symmetry: Symmetry,
         importance: BTreeMap<MapKind, f64>,
@@ -473,7 +516,8 @@ impl Planner<'_> {
         let recipe::Synthesis { seed, patch, refine, blend } = self.recipe.synthesis;
         let walk = VertexWalkParams { patch, seed, ..VertexWalkParams::default() };
         let blend = uv_blend(blend);
-        let synthesise = Synthesise { recipe: self.name(), walk, symmetry, order, blend, refine, importance };
+        let synthesise =
+            Synthesise { recipe: self.name(), walk, symmetry, order, blend, sharpness, refine, importance };
         self.step(synthesise, &inputs.map(InputId::from))
     }
 
@@ -508,6 +552,19 @@ fn uv_blend(blend: recipe::Blend) -> Blend {
         recipe::Blend::Variance => Blend::Variance,
         recipe::Blend::None => Blend::Nearest,
     }
+}
+
+/// A scene's files, and they as inputs.
+type Scene = (SceneFiles, Vec<InputId>);
+
+/// The steps that the outputs of a level are made from.
+struct Level {
+    maps: StepId,
+    analyse: StepId,
+    surface: StepId,
+    prepare: StepId,
+    synthesise: StepId,
+    field: Option<StepId>,
 }
 
 fn is_picture(uri: &str) -> bool {

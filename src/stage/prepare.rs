@@ -15,9 +15,11 @@ pub(super) enum Scale {
     Fixed(f64),
     /// From the mean longest edge of a triangle (\[MK03\] Eq. 1).
     Auto,
+    /// That of another synthesis mesh.
+    Same,
 }
 
-/// Reads the surface and the maps (for their size).
+/// Reads the surface, the maps (for their size) and, for the same scale, another synthesis mesh.
 pub(super) struct Prepare {
     pub recipe: String,
     pub scale: Scale,
@@ -78,6 +80,7 @@ impl Step for Prepare {
         let scale = match self.scale {
             Scale::Fixed(scale) => scale,
             Scale::Auto => auto_scale(&surface.mesh, exemplar_size)?,
+            Scale::Same => super::read::<Prepared>(inputs, 2)?.scale,
         };
         let mut params = PrepareParams::new(scale * self.max_factor, exemplar_size);
         params.max_span_share = self.max_span_share.unwrap_or(params.max_span_share);

@@ -13,12 +13,14 @@ use crate::synth::source_strips::SourceStrips;
 
 use super::prepare::Prepared;
 use super::rasterise::Bundle;
-use super::synthesise::{Counters, Synthesised};
+use super::synthesise::{Counters, Synthesised, named};
 
-/// Reads surface, synthesis mesh, corner coordinates, what was analysed and the field, and of an atlas bake the atlas and
-/// its images.
+/// Reads surface, synthesis mesh, corner coordinates, what was analysed, the field if there is one, and of an atlas bake
+/// the atlas and its images.
 pub(super) struct Report {
     pub recipe: String,
+    /// False for levels of detail, which take over what the finest one's field led to.
+    pub has_field: bool,
 }
 
 impl Step for Report {
@@ -26,6 +28,7 @@ impl Step for Report {
 
     fn describe(&self, v: &mut dyn Visitor) {
         v.param("recipe", &self.recipe);
+        v.param("has_field", &self.has_field);
     }
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
@@ -33,7 +36,6 @@ impl Step for Report {
         let prepared: Prepared = super::read(inputs, 1)?;
         let synthesised: Synthesised = super::read(inputs, 2)?;
         let (sample, how) = described(&synthesised.counters, &inputs[3])?;
-        let laid: Laid = super::read(inputs, 4)?;
         let mut report = json!({
             "recipe": self.recipe,
             "mesh": {
@@ -42,11 +44,6 @@ impl Step for Report {
                 "primitives": surface.parts.len(),
             },
             "exemplar": sample,
-            "field": {
-                "index_sum": laid.singularities.iter().map(|s| s.index).sum::<f64>(),
-                "euler_characteristic": laid.euler,
-                "singularities": laid.singularities.iter().map(singularity).collect::<Vec<_>>(),
-            },
             "synthesis": {
                 "texels_per_unit": prepared.scale,
                 "triangles": prepared.mesh.mesh.faces.len(),
@@ -54,11 +51,22 @@ impl Step for Report {
                 "sets": synthesised.sets.sets.len(),
             },
         });
-        let (key, counts) = how;
-        report["synthesis"][key] = counts;
-        if inputs.len() > 5 {
-            let atlas: Atlas = super::read(inputs, 5)?;
-            let bundle: Bundle = super::read(inputs, 6)?;
+        if let Some((key, counts)) = how {
+            report["synthesis"][key] = counts;
+        }
+        let mut next = 4;
+        if self.has_field {
+            let laid: Laid = super::read(inputs, next)?;
+            report["field"] = json!({
+                "index_sum": laid.singularities.iter().map(|s| s.index).sum::<f64>(),
+                "euler_characteristic": laid.euler,
+                "singularities": laid.singularities.iter().map(singularity).collect::<Vec<_>>(),
+            });
+            next += 1;
+        }
+        if inputs.len() > next {
+            let atlas: Atlas = super::read(inputs, next)?;
+            let bundle: Bundle = super::read(inputs, next + 1)?;
             report["atlas"] = json!({
                 "width": atlas.width,
                 "height": atlas.height,
@@ -72,18 +80,15 @@ impl Step for Report {
     }
 }
 
+/// What was counted, under its name.
+type Counted = (&'static str, Value);
+
 /// What the analysis' bytes hold, and what the synthesis did with it, by its name.
-fn described(counters: &Counters, analysis: &[u8]) -> Result<(Value, (&'static str, Value)), StepError> {
+fn described(counters: &Counters, analysis: &[u8]) -> Result<(Value, Option<Counted>), StepError> {
     Ok(match counters {
         Counters::Walk(c) => {
-            let walk = json!({
-                "seeds": c.seeds,
-                "continuations": c.continuations,
-                "jumps": c.jumps,
-                "dropped_invalid": c.dropped_invalid,
-                "random_fallbacks": c.random_fallbacks,
-            });
-            (exemplar(&JumpMap::from_bytes(analysis)?), ("walk", walk))
+            let walk = named(c).map(|(name, n)| (name.to_string(), json!(n)));
+            (exemplar(&JumpMap::from_bytes(analysis)?), Some(("walk", Value::Object(walk.into_iter().collect()))))
         }
         Counters::Quilt { quilt: c, faces, blended, edge_error } => {
             let map = TextonMap::from_bytes(analysis)?;
@@ -99,8 +104,9 @@ fn described(counters: &Counters, analysis: &[u8]) -> Result<(Value, (&'static s
                 "blended_edges": blended,
                 "edge_error": edge_error,
             });
-            (sample, ("quilt", quilt))
+            (sample, Some(("quilt", quilt)))
         }
+        Counters::Taken => (exemplar(&JumpMap::from_bytes(analysis)?), None),
     })
 }
 

@@ -30,7 +30,8 @@ pub enum Base {
 /// Corner coordinates and weights of all faces.
 ///
 /// `offsets` as for the walk; `address` of every vertex, valid for its room, so that all corners lie within the outer
-/// texel centres. A corner that repeats its face's base vertex gets the base's address. Fails if a count is wrong.
+/// texel centres. A corner that repeats its face's base vertex gets the base's address. Weights are not sharpened. Fails if a
+/// count is wrong.
 pub fn corner_sets(
     faces: &[[u32; 3]],
     topology: &Topology,
@@ -64,7 +65,7 @@ pub fn corner_sets(
             (vec![set], vec![[1.0, 0.0, 0.0, 0.0]; 3 * faces.len()])
         }
     };
-    Ok(UvSets { exemplar_size, sets, weights, blend })
+    Ok(UvSets { exemplar_size, sets, weights, blend, sharpness: 1 })
 }
 
 #[cfg(test)]

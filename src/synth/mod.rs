@@ -1,7 +1,8 @@
 //! Synthesis: walks through the jump map that give every output pixel or mesh vertex an address in the exemplar.
 //!
 //! Flat images (\[ZG02\] section 3): an [`image_order`], the [`image_walk`], then [`image_copy`]. Meshes (\[ZG03\] section
-//! 4): a [`vertex_order`] or a [`rendering_sequence`], the [`vertex_walk`], then [`corner`] turns addresses of vertices into coordinates of corners.
+//! 4): [`sites`] where triangles are small, a [`vertex_order`] or a [`rendering_sequence`], the [`vertex_walk`], then [`corner`] (or [`layers`]) turns addresses of
+//! vertices into coordinates of corners.
 //! [`image_refine`] and [`vertex_refine`] go beyond the papers: passes, from coarse to fine, in which every neighbour is
 //! known. Without them the result is the published method's.
 //! Meshes by textons (\[MK03\] 3.2 and 3.3): faces are laid flat ([`quilt_frame`]), placed ([`quilt`], by [`texton_string`])
@@ -23,6 +24,8 @@ pub mod image_order;
 pub mod image_refine;
 pub mod image_walk;
 mod image_window;
+pub mod layers;
+pub mod lod;
 pub mod mixture;
 pub mod quilt;
 pub mod quilt_blend;
@@ -32,6 +35,7 @@ mod quilt_seam;
 pub mod rendering_sequence;
 mod room;
 pub mod seam_metric;
+pub mod sites;
 pub mod source_map;
 pub mod source_strips;
 mod surface_cells;

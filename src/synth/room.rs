@@ -13,7 +13,7 @@ use crate::numerics::rng::Key;
 use crate::numerics::vec::Vec2;
 use crate::texture::{Texel, texel};
 
-/// The rectangle of valid addresses of a vertex; never empty once [`check_offsets`] has passed.
+/// The rectangle of valid addresses of a vertex; never empty of those that [`rooms`] gives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Room {
     min: [f32; 2],
@@ -86,36 +86,60 @@ fn at_most(v: f64) -> f32 {
     -at_least(-v)
 }
 
+/// The rooms of all vertices: of their edges, or of `boxes` (least and greatest offset) where more than that must fit.
+///
 /// Checks that there is one finite offset per half-edge and that every vertex has room; the error names the vertex
 /// whose box is largest in relation to the exemplar, so that one change of scale heals the whole mesh.
-pub(super) fn check_offsets(topology: &Topology, offsets: &[Vec2], size: [u32; 2]) -> Result<(), Error> {
+pub(super) fn rooms(
+    topology: &Topology,
+    offsets: &[Vec2],
+    boxes: Option<&[[Vec2; 2]]>,
+    size: [u32; 2],
+) -> Result<Vec<Room>, Error> {
     if offsets.len() != topology.half_edge_count() {
         return Err(Error::OffsetCount { found: offsets.len(), expected: topology.half_edge_count() });
     }
     let vertices = topology.vertex_count();
-    let worst = |range: std::ops::Range<usize>| {
-        let mut worst: Option<(f64, Error)> = None;
-        for v in range.map(|v| v as u32) {
-            let edges = topology.half_edges(v);
-            let around = &offsets[edges.clone()];
-            if let Some(i) = around.iter().position(|d| !(d.x.is_finite() && d.y.is_finite())) {
-                return Some((f64::INFINITY, Error::Offset { from: v, to: topology.target(edges.start + i) }));
-            }
-            if Room::new(around, size).is_empty() {
-                let (low, high) = spans(around);
-                let span = [high.x - low.x, high.y - low.y];
-                let excess = (0..2).map(|i| span[i] / f64::from(size[i].max(2) - 1)).fold(0.0, f64::max);
-                if worst.as_ref().is_none_or(|w| excess > w.0) {
-                    worst = Some((excess, Error::BoxTooLarge { vertex: v, span, exemplar: size }));
-                }
+    if let Some(found) = boxes.map(<[_]>::len).filter(|n| *n != vertices) {
+        return Err(Error::Count { what: "boxes of vertices", found, expected: vertices });
+    }
+    let room = |v: u32| {
+        let edges = topology.half_edges(v);
+        let around = &offsets[edges.clone()];
+        if let Some(i) = around.iter().position(|d| !(d.x.is_finite() && d.y.is_finite())) {
+            return Err((f64::INFINITY, Error::Offset { from: v, to: topology.target(edges.start + i) }));
+        }
+        let extent = boxes.map_or(around, |b| &b[v as usize]);
+        let room = Room::new(extent, size);
+        if !room.is_empty() {
+            return Ok(room);
+        }
+        let (low, high) = spans(extent);
+        let span = [high.x - low.x, high.y - low.y];
+        let excess = (0..2).map(|i| span[i] / f64::from(size[i].max(2) - 1)).fold(0.0, f64::max);
+        Err((excess, Error::BoxTooLarge { vertex: v, span, exemplar: size }))
+    };
+    let chunks = par::map_chunks(vertices, 4096, |some| {
+        let (mut rooms, mut worst) = (Vec::with_capacity(some.len()), None);
+        for v in some {
+            match room(v as u32) {
+                Ok(room) => rooms.push(room),
+                Err(e) => worst = Some(worse(worst, e)),
             }
         }
-        worst
-    };
-    let found = par::map_chunks(vertices, 4096, worst).into_iter().flatten();
-    found
-        .fold(None, |a: Option<(f64, Error)>, b| if a.as_ref().is_some_and(|a| a.0 >= b.0) { a } else { Some(b) })
-        .map_or(Ok(()), |(_, e)| Err(e))
+        worst.map_or(Ok(rooms), Err)
+    });
+    let worst = chunks.iter().filter_map(|c| c.as_ref().err().cloned()).fold(None, |w, e| Some(worse(w, e)));
+    worst.map_or(Ok(()), |(_, e)| Err(e))?;
+    Ok(chunks.into_iter().flatten().flatten().collect())
+}
+
+/// The greater excess, the first of equals.
+fn worse(a: Option<(f64, Error)>, b: (f64, Error)) -> (f64, Error) {
+    match a {
+        Some(a) if a.0 >= b.0 => a,
+        _ => b,
+    }
 }
 
 #[cfg(test)]

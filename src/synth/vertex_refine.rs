@@ -15,7 +15,7 @@
 
 use super::Error;
 use super::hierarchy::Graph;
-use super::room::{Room, check_offsets};
+use super::room::{Room, rooms};
 use super::seam_metric::SeamMetrics;
 use super::surface_cells::Cells;
 use super::surface_window::{Scene, Scratch, improve};
@@ -40,13 +40,14 @@ const FRESH: usize = 8;
 /// Refines the addresses of a walk by `passes` sweeps on the finest level and twice as many on coarser ones, and returns
 /// the result; zero passes return them as they are.
 ///
-/// `offsets` as for the walk. All addresses stay valid. Fails if a count or size is wrong or the edges around a vertex do
-/// not fit into the exemplar.
+/// `offsets` and `boxes` as for the walk. All addresses stay valid. Fails if a count or size is wrong or the edges around a
+/// vertex do not fit into the exemplar.
 pub fn refine(
     jumps: &JumpMap,
     metrics: &SeamMetrics,
     topology: &Topology,
     offsets: &[Vec2],
+    boxes: Option<&[[Vec2; 2]]>,
     address: &[Texel],
     passes: u32,
 ) -> Result<Vec<Texel>, Error> {
@@ -58,11 +59,11 @@ pub fn refine(
         let (found, expected) = (address.len(), topology.vertex_count());
         return Err(Error::Count { what: "addresses of vertices", found, expected });
     }
-    check_offsets(topology, offsets, size)?;
+    let rooms = rooms(topology, offsets, boxes, size)?;
     if passes == 0 {
         return Ok(address.to_vec());
     }
-    let room = |v: u32| Room::new(&offsets[topology.half_edges(v)], size);
+    let room = |v: u32| rooms[v as usize];
     let mut graphs = vec![Graph::finest(topology, offsets)];
     let coarsest = f64::from(size[0].min(size[1])) / COARSEST;
     loop {
@@ -205,7 +206,7 @@ mod tests {
 
     fn walked(map: &JumpMap, t: &Topology, offsets: &[Vec2], seed: u64) -> Vec<Texel> {
         let order = region_growing(t, &[]).unwrap();
-        walk(map, t, offsets, &order, &VertexWalkParams { seed, ..Default::default() }).unwrap().address
+        walk(map, t, offsets, None, &order, &VertexWalkParams { seed, ..Default::default() }).unwrap().address
     }
 
     /// Squared difference, over all edges, of what both ends put at the middle.
@@ -233,7 +234,7 @@ mod tests {
         for scale in [0.8, 2.5] {
             let offsets = flat_offsets(&mesh, &t, scale);
             let before = walked(&map, &t, &offsets, 3);
-            let after = refine(&map, &metrics, &t, &offsets, &before, 2).unwrap();
+            let after = refine(&map, &metrics, &t, &offsets, None, &before, 2).unwrap();
             let (a, b) = (seams(&e, &t, &offsets, &before), seams(&e, &t, &offsets, &after));
             assert!(b < 0.8 * a, "{scale}: {a} {b}");
         }
@@ -249,11 +250,15 @@ mod tests {
         let at = |p: &crate::numerics::vec::Vec3| texel((p.x * 2.0) as f32 + 20.0, (p.y * 2.0) as f32 + 20.0);
         let right: Vec<Texel> = mesh.positions.iter().map(at).collect();
         assert!(
-            refine(&map, &metrics(&e), &t, &offsets, &right, 2).unwrap().iter().zip(&right).all(|(a, b)| same(*a, *b))
+            refine(&map, &metrics(&e), &t, &offsets, None, &right, 2)
+                .unwrap()
+                .iter()
+                .zip(&right)
+                .all(|(a, b)| same(*a, *b))
         );
         let mut wrong = right.clone();
         wrong[55] = texel(9.0, 50.0);
-        let healed = refine(&map, &metrics(&e), &t, &offsets, &wrong, 2).unwrap();
+        let healed = refine(&map, &metrics(&e), &t, &offsets, None, &wrong, 2).unwrap();
         assert!(healed.iter().zip(&right).all(|(a, b)| same(*a, *b)));
     }
 
@@ -265,8 +270,9 @@ mod tests {
         let t = Topology::new(&mesh);
         let offsets = flat_offsets(&mesh, &t, 1.0);
         let before = walked(&map, &t, &offsets, 1);
-        let run =
-            |jobs, passes| par::install(jobs, || refine(&map, &metrics(&e), &t, &offsets, &before, passes).unwrap());
+        let run = |jobs, passes| {
+            par::install(jobs, || refine(&map, &metrics(&e), &t, &offsets, None, &before, passes).unwrap())
+        };
         assert_eq!(run(1, 1), run(2, 1));
         assert_eq!(run(1, 1), run(8, 1));
         assert_eq!(run(1, 0), before);
@@ -278,9 +284,9 @@ mod tests {
         let t = Topology::new(&grid(2, 2, 0.0));
         let offsets = vec![Vec2::ZERO; t.half_edge_count()];
         let other = Error::TextureSize { found: [8, 8], expected: [9, 8] };
-        assert_eq!(refine(&map, &metrics(&noise(9, 8)), &t, &offsets, &[Texel::default(); 4], 1), Err(other));
+        assert_eq!(refine(&map, &metrics(&noise(9, 8)), &t, &offsets, None, &[Texel::default(); 4], 1), Err(other));
         let few = Error::Count { what: "addresses of vertices", found: 3, expected: 4 };
-        assert_eq!(refine(&map, &metrics(&noise(8, 8)), &t, &offsets, &[Texel::default(); 3], 1), Err(few));
+        assert_eq!(refine(&map, &metrics(&noise(8, 8)), &t, &offsets, None, &[Texel::default(); 3], 1), Err(few));
     }
 
     proptest! {
@@ -292,7 +298,7 @@ mod tests {
             for (name, t) in topologies() {
                 let offsets = random_offsets(&t, reach, seed);
                 let before = walked(&map, &t, &offsets, seed);
-                let after = refine(&map, &metrics(&e), &t, &offsets, &before, 3).unwrap();
+                let after = refine(&map, &metrics(&e), &t, &offsets, None, &before, 3).unwrap();
                 for v in 0..t.vertex_count() as u32 {
                     let room = Room::new(&offsets[t.half_edges(v)], [9, 8]);
                     prop_assert!(room.contains(after[v as usize]), "{} {}", name, v);

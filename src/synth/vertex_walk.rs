@@ -21,7 +21,7 @@
 //! Unaware of: positions, how offsets were made, corners.
 
 use super::Error;
-use super::room::{Room, check_offsets};
+use super::room::{Room, rooms};
 use crate::exemplar::{FloatJump, JumpMap};
 use crate::mesh::Topology;
 use crate::numerics::rng::Key;
@@ -78,16 +78,20 @@ const EMPTY: Texel = texel(f32::NAN, f32::NAN);
 /// Walks the vertices in `order` (each exactly once).
 ///
 /// `offsets[h]` is the offset of half-edge `h` in texels, from the vertex it starts at to its target; the two halves of
-/// an edge have opposite offsets. Fails if parameters, counts or the order are wrong, an offset is not finite or the
-/// edges around a vertex do not fit into the exemplar. Time is linear in the half-edges.
+/// an edge have opposite offsets. What must fit into the exemplar around a vertex are its edges, or its box of `boxes`
+/// (least and greatest offset). Fails if parameters, counts or the order are wrong, an offset is not finite or what
+/// must fit does not. Time is linear in the half-edges.
 pub fn walk(
     map: &JumpMap,
     topology: &Topology,
     offsets: &[Vec2],
+    boxes: Option<&[[Vec2; 2]]>,
     order: &[u32],
     params: &VertexWalkParams,
 ) -> Result<Walk, Error> {
-    walk_bounded(map, topology, offsets, order, params, greatest_row_sum(map))
+    check(topology, order, params, [map.width(), map.height()])?;
+    let rooms = rooms(topology, offsets, boxes, [map.width(), map.height()])?;
+    walk_bounded(map, topology, offsets, &rooms, order, params, greatest_row_sum(map))
 }
 
 /// The greatest sum of probabilities of a texel, with some slack for rounding: bounds what a look-up can return.
@@ -101,12 +105,11 @@ fn walk_bounded(
     map: &JumpMap,
     topology: &Topology,
     offsets: &[Vec2],
+    rooms: &[Room],
     order: &[u32],
     params: &VertexWalkParams,
     row_bound: f64,
 ) -> Result<Walk, Error> {
-    let size = [map.width(), map.height()];
-    check(topology, offsets, order, params, size)?;
     let key = Key::new(params.seed).with_str("vertex walk");
     let vertices = topology.vertex_count();
     let mut address = vec![EMPTY; vertices];
@@ -119,12 +122,12 @@ fn walk_bounded(
             if address.get(v as usize).is_none_or(|a| !a.x.is_nan()) {
                 return Err(Error::Order { vertex: v, vertices });
             }
-            let room = Room::new(&block.offsets[start..end], size);
+            let room = &rooms[v as usize];
             table.clear();
             for (&w, &offset) in block.targets[start..end].iter().zip(&block.offsets[start..end]) {
-                table.suggest(address[w as usize], -offset, &room, &mut counters);
+                table.suggest(address[w as usize], -offset, room, &mut counters);
             }
-            address[v as usize] = table.choose(&room, key.with(u64::from(v)), &mut counters);
+            address[v as usize] = table.choose(room, key.with(u64::from(v)), &mut counters);
         }
     }
     Ok(Walk { address, counters })
@@ -163,13 +166,7 @@ impl Block {
     }
 }
 
-fn check(
-    topology: &Topology,
-    offsets: &[Vec2],
-    order: &[u32],
-    params: &VertexWalkParams,
-    size: [u32; 2],
-) -> Result<(), Error> {
+fn check(topology: &Topology, order: &[u32], params: &VertexWalkParams, size: [u32; 2]) -> Result<(), Error> {
     if !(params.patch > 0.0 && params.patch.is_finite()) {
         return Err(Error::Patch(params.patch));
     }
@@ -183,7 +180,7 @@ fn check(
         let (found, expected) = (order.len(), topology.vertex_count());
         return Err(Error::Count { what: "vertices in the order", found, expected });
     }
-    check_offsets(topology, offsets, size)
+    Ok(())
 }
 
 /// An address moved by an offset: one rounding.
@@ -311,6 +308,7 @@ mod tests {
     use crate::mesh::TriMesh;
     use crate::numerics::par;
     use crate::numerics::vec::vec2;
+    use crate::synth::sites::Sites;
     use crate::synth::testing::{brute_force_map, flat_offsets, grid, noise, random_offsets, topologies};
     use crate::synth::vertex_order::region_growing;
     use proptest::prelude::*;
@@ -320,7 +318,7 @@ mod tests {
     }
 
     fn grow(map: &JumpMap, t: &Topology, offsets: &[Vec2], params: &VertexWalkParams) -> Result<Walk, Error> {
-        walk(map, t, offsets, &region_growing(t, &[]).unwrap(), params)
+        walk(map, t, offsets, None, &region_growing(t, &[]).unwrap(), params)
     }
 
     /// Figure 6 in small: a 4 x 4 exemplar, two synthesised neighbours, one texel and two texels away.
@@ -411,7 +409,7 @@ mod tests {
         let offsets: Vec<Vec2> = (0..n).flat_map(|v| t.neighbours(v).iter().map(move |w| along(v, w))).collect();
         let order: Vec<u32> = (0..n).collect();
         let run = |patch| {
-            walk(&map, &t, &offsets, &order, &VertexWalkParams { patch, ..Default::default() }).unwrap().counters
+            walk(&map, &t, &offsets, None, &order, &VertexWalkParams { patch, ..Default::default() }).unwrap().counters
         };
         // Patch 1/40: five texels between jumps, the border is hardly seen: one vertex in six jumps (weights 5 and 1).
         let short = run(0.025).jumps as f64 / f64::from(n);
@@ -427,14 +425,41 @@ mod tests {
         let t = Topology::new(&mesh);
         let offsets = flat_offsets(&mesh, &t, 0.8);
         let order = region_growing(&t, &[820]).unwrap();
+        let rooms = rooms(&t, &offsets, None, [24, 20]).unwrap();
         for seed in 0..5 {
             let p = VertexWalkParams { seed, ..Default::default() };
-            let fast = walk(&map, &t, &offsets, &order, &p).unwrap();
-            let plain = walk_bounded(&map, &t, &offsets, &order, &p, f64::INFINITY).unwrap();
+            let fast = walk(&map, &t, &offsets, None, &order, &p).unwrap();
+            let plain = walk_bounded(&map, &t, &offsets, &rooms, &order, &p, f64::INFINITY).unwrap();
             assert_eq!(fast.address, plain.address);
             assert_eq!(fast.counters.jumps, plain.counters.jumps);
             assert!(fast.counters.jumps > 20 && fast.counters.random_fallbacks == 0, "{:?}", fast.counters);
         }
+    }
+
+    /// One square at three tessellations: on sites jumps come per area, whatever the triangles; next to nothing is lost.
+    #[test]
+    fn counters_do_not_depend_on_the_tessellation() {
+        let map = brute_force_map(&noise(40, 40), 1, 3, 3.0);
+        let jumps = [(31, 6.0), (91, 2.0), (226, 0.8)].map(|(side, scale)| {
+            let mesh = grid(side, side, 0.2);
+            let t = Topology::new(&mesh);
+            let offsets = flat_offsets(&mesh, &t, scale);
+            let p = VertexWalkParams::default();
+            let (counters, vertices) = match Sites::new(&t, &offsets, 4.0, false) {
+                None => (grow(&map, &t, &offsets, &p).unwrap().counters, t.vertex_count()),
+                Some(s) => {
+                    let order = region_growing(&s.topology, &[]).unwrap();
+                    let walked = walk(&map, &s.topology, &s.offsets, Some(&s.boxes), &order, &p).unwrap();
+                    (walked.counters, s.vertices.len())
+                }
+            };
+            let c = counters;
+            assert_eq!(c.seeds + c.continuations + c.jumps + c.random_fallbacks, vertices as u64);
+            assert!(c.seeds == 1 && c.random_fallbacks * 100 < vertices as u64, "{side}: {c:?}");
+            assert!(c.dropped_invalid < 12 * vertices as u64, "{side}: {c:?}");
+            c.jumps as f64
+        });
+        assert!(jumps.iter().all(|j| (0.6..1.7).contains(&(j / jumps[0]))), "{jumps:?}");
     }
 
     #[test]
@@ -486,7 +511,7 @@ mod tests {
         let (map, p) = (no_jumps(16), VertexWalkParams::default());
         let offsets = flat_offsets(&mesh, &t, 1.0);
         let order: Vec<u32> = (0..9).collect();
-        let run = |offsets: &[Vec2], order: &[u32], p| walk(&map, &t, offsets, order, &p).unwrap_err();
+        let run = |offsets: &[Vec2], order: &[u32], p| walk(&map, &t, offsets, None, order, &p).unwrap_err();
         assert_eq!(run(&offsets, &order, VertexWalkParams { patch: -1.0, ..p }), Error::Patch(-1.0));
         assert_eq!(run(&offsets, &order, VertexWalkParams { border_band: 0.6, ..p }), Error::BorderBand(0.6));
         assert_eq!(run(&offsets[1..], &order, p), Error::OffsetCount { found: 31, expected: 32 });

@@ -31,6 +31,9 @@ pub struct UvSets {
     pub weights: Vec<[f32; 4]>,
     /// How to combine the sets.
     pub blend: Blend,
+    /// Power to which interpolated weights are raised before they are made to sum to 1, at least 1: the higher, the
+    /// narrower the blend.
+    pub sharpness: u32,
 }
 
 impl UvSets {

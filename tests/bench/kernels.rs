@@ -20,9 +20,11 @@ use kiln::synth::corner::{Base, corner_sets};
 use kiln::synth::image_copy::{BlendKernel, copy};
 use kiln::synth::image_order::ImageOrder;
 use kiln::synth::image_walk::{self, ImageWalkParams};
+use kiln::synth::layers::layered_sets;
 use kiln::synth::quilt::{QuiltParams, quilt};
 use kiln::synth::quilt_frame::Facets;
 use kiln::synth::rendering_sequence::{CACHE, acmr, face_sequence, rendering_sequence};
+use kiln::synth::sites::Sites;
 use kiln::synth::vertex_order::region_growing;
 use kiln::synth::vertex_walk::{VertexWalkParams, walk};
 use kiln::texture::{MapKind, MapSet};
@@ -224,13 +226,28 @@ fn on_surface(bench: &Bench, name: &str, surface: &Surface, set: &MapSet, scale:
     let order = region_growing(&topology, &[]).expect("an order");
     let (map, _) = analyse(set, &AnalysisParams::default()).expect("an analysis");
     let params = VertexWalkParams::default();
-    let go = || walk(&map, &topology, &offsets, &order, &params).expect("a walk");
+    let go = || walk(&map, &topology, &offsets, None, &order, &params).expect("a walk");
     bench.run(&format!("{name}: walk, one core"), vertices / 1e6, "Mvertex/s", || par::install(1, go));
     let walked = go();
     let size = [set.width(), set.height()];
     let corners = || corner_sets(&mesh.faces, &topology, &offsets, &walked.address, size, Base::Three, Blend::Linear);
     bench.run(&format!("{name}: corners"), mesh.faces.len() as f64 / 1e6, "Mface/s", corners);
     let sets = corners().expect("corner coordinates");
+    // As on a finer mesh: edges of a quarter of the distance of sites.
+    let mean = offsets.iter().map(|d| d.length()).sum::<f64>() / offsets.len() as f64;
+    let place = || Sites::new(&topology, &offsets, 4.0 * mean, false).expect("sites");
+    bench.run(&format!("{name}: sites four edges apart, one core"), vertices / 1e6, "Mvertex/s", || {
+        par::install(1, place)
+    });
+    let sites = place();
+    let order = region_growing(&sites.topology, &[]).expect("an order");
+    let boxes = Some(&sites.boxes[..]);
+    let address = walk(&map, &sites.topology, &sites.offsets, boxes, &order, &params).map(|w| w.address);
+    if let Ok(address) = address {
+        bench.run(&format!("{name}: layered corners, one core"), mesh.faces.len() as f64 / 1e6, "Mface/s", || {
+            par::install(1, || layered_sets(&mesh.faces, &sites, &address, size, Blend::Linear))
+        });
+    }
     let layout = |side: u32| UnwrapParams {
         extent: Extent::Page(side),
         gutter_px: default_gutter_px(side),

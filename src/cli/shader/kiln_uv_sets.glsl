@@ -2,19 +2,22 @@
 //
 // Vertex inputs: TEXCOORD_0..n-1 (vec2, one per set) and _KILN_WEIGHTS (vec4, normalised). Pass all of them on as
 // ordinary (perspective-correct) varyings. `kiln_sets` and `kiln_blend` stand in the KILN_uv_sets extension object of the
-// material (and in extras.kiln): sets 1..4; blend 0 "linear", 1 "variance", 2 "none". `mean` is the extension's mean of
-// the map that is sampled. Sample colour maps as sRGB textures, so that blending happens in linear light.
+// material (and in extras.kiln): sets 1..4; blend 0 "linear", 1 "variance", 2 "none"; `sharpness` and `size` are its
+// sharpness and exemplarSize. `mean` is the extension's mean of the map that is sampled. Sample colour maps as sRGB textures, so that blending happens in linear light.
 
 struct KilnSets {
     vec2 uv[4];
     vec4 weights;
     int sets;
     int blend;
+    float sharpness;
+    vec2 size;
 };
 
-// The weights that are applied: all of them, or the greatest alone.
+// The weights that are applied: all of them, sharpened, or the greatest alone.
 vec4 kiln_weights(KilnSets s) {
-    vec4 w = s.weights / max(dot(s.weights, vec4(1.0)), 1e-6);
+    vec4 w = pow(max(s.weights, vec4(0.0)), vec4(s.sharpness));
+    w /= max(dot(w, vec4(1.0)), 1e-6);
     if (s.blend != 2) return w;
     float top = max(max(w.x, w.y), max(w.z, w.w));
     if (w.x == top) return vec4(1.0, 0.0, 0.0, 0.0);
@@ -32,6 +35,17 @@ KilnSets kiln_at_distance(KilnSets s, vec2 edge, float lambda, float distance, f
     return s;
 }
 
+// Share of one sample's variance that a mean by these weights has: sets within two texels of each other are alike.
+float kiln_variance(KilnSets s, vec4 w) {
+    float v = dot(w, w);
+    for (int i = 1; i < 4; ++i) {
+        for (int j = 0; j < i; ++j) {
+            if (i < s.sets) v += 2.0 * w[i] * w[j] * max(1.0 - length((s.uv[i] - s.uv[j]) * s.size) / 2.0, 0.0);
+        }
+    }
+    return max(v, 1e-6);
+}
+
 // One map, blended. Gradients are taken before any branch.
 vec4 kiln_sample(sampler2D map, KilnSets s, vec4 mean) {
     vec4 w = kiln_weights(s);
@@ -39,7 +53,7 @@ vec4 kiln_sample(sampler2D map, KilnSets s, vec4 mean) {
     for (int i = 0; i < 4; ++i) {
         if (i < s.sets) sum += w[i] * texture(map, s.uv[i]);
     }
-    if (s.blend == 1) sum = mean + (sum - mean) * inversesqrt(max(dot(w, w), 1e-6));
+    if (s.blend == 1) sum = mean + (sum - mean) * inversesqrt(kiln_variance(s, w));
     return sum;
 }
 

@@ -14,6 +14,11 @@ export function applyKilnUvSets(mesh) {
     const mean = (map) => (kiln.means && kiln.means[map] ? kiln.means[map] : [0.5, 0.5, 0.5]);
     const vec4 = (m) => `vec4(${[0, 1, 2, 3].map((i) => (m[i] ?? (i == 3 ? 1 : m[0])).toFixed(6)).join(', ')})`;
     const blend = { linear: 0, variance: 1, none: 2 }[kiln.blend] ?? 0;
+    const sharpness = kiln.sharpness ?? 1;
+    const size = `vec2(${kiln.exemplarSize.map((s) => s.toFixed(1)).join(', ')})`;
+    // Sets within two texels of each other are alike and lose no variance.
+    const alike = (i, j) => `max(1.0 - length((vKilnUv${i} - vKilnUv${j}) * ${size}) / 2.0, 0.0)`;
+    const pairs = names.flatMap((_, i) => names.slice(0, i).map((_, j) => `v += 2.0 * w[${i}] * w[${j}] * ${alike(i, j)};`)).join('\n');
 
     mesh.material.onBeforeCompile = (shader) => {
         const own = names.slice(1).map((n) => `#ifndef USE_${n.toUpperCase()}
@@ -35,15 +40,21 @@ ${names.map((n, i) => `vKilnUv${i} = ${n};`).join('\n')}`);
 varying vec4 vKilnWeights;
 ${names.map((_, i) => `varying vec2 vKilnUv${i};`).join('\n')}
 vec4 kilnWeights() {
-    vec4 w = vKilnWeights / max(dot(vKilnWeights, vec4(1.0)), 1e-6);
+    vec4 w = pow(max(vKilnWeights, vec4(0.0)), vec4(${sharpness.toFixed(1)}));
+    w /= max(dot(w, vec4(1.0)), 1e-6);
     if (${blend} != 2) return w;
     float top = max(max(w.x, w.y), max(w.z, w.w));
     return w.x == top ? vec4(1, 0, 0, 0) : w.y == top ? vec4(0, 1, 0, 0) : w.z == top ? vec4(0, 0, 1, 0) : vec4(0, 0, 0, 1);
 }
+float kilnVariance(vec4 w) {
+    float v = dot(w, w);
+    ${pairs}
+    return max(v, 1e-6);
+}
 vec4 kilnSample(sampler2D map, vec4 mean) {
     vec4 w = kilnWeights(), sum = vec4(0.0);
     ${each((i) => `sum += w[${i}] * texture2D(map, vKilnUv${i});`)}
-    if (${blend} == 1) sum = mean + (sum - mean) * inversesqrt(max(dot(w, w), 1e-6));
+    if (${blend} == 1) sum = mean + (sum - mean) * inversesqrt(kilnVariance(w));
     return sum;
 }
 vec3 kilnNormal(sampler2D map, vec3 n, vec3 position) {
@@ -92,6 +103,6 @@ reflectedLight.indirectSpecular *= computeSpecularOcclusion(dotNV, ambientOcclus
 totalEmissiveRadiance *= kilnSample(emissiveMap, ${vec4(mean('emissive'))}).rgb;
 #endif`);
     };
-    mesh.material.customProgramCacheKey = () => `kiln-${sets}-${blend}-${JSON.stringify(kiln.means ?? {})}`;
+    mesh.material.customProgramCacheKey = () => `kiln-${sets}-${blend}-${sharpness}-${size}-${JSON.stringify(kiln.means ?? {})}`;
     mesh.material.needsUpdate = true;
 }

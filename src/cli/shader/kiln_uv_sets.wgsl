@@ -2,18 +2,21 @@
 //
 // Vertex inputs: TEXCOORD_0..n-1 (vec2f, one per set) and _KILN_WEIGHTS (vec4f, normalised), passed on as ordinary varyings.
 // `sets` 1..4 and `blend` (0 "linear", 1 "variance", 2 "none") stand in the KILN_uv_sets extension object of the material
-// (and in extras.kiln). `mean` is the extension's mean of the map that is sampled. Call from uniform control flow.
+// (and in extras.kiln), like `sharpness` and `size`, its exemplarSize. `mean` is the extension's mean of the map that is sampled. Call from uniform control flow.
 
 struct KilnSets {
     uv: array<vec2f, 4>,
     weights: vec4f,
     sets: i32,
     blend: i32,
+    sharpness: f32,
+    size: vec2f,
 }
 
-// The weights that are applied: all of them, or the greatest alone.
+// The weights that are applied: all of them, sharpened, or the greatest alone.
 fn kiln_weights(s: KilnSets) -> vec4f {
-    let w = s.weights / max(dot(s.weights, vec4f(1.0)), 1e-6);
+    let p = pow(max(s.weights, vec4f(0.0)), vec4f(s.sharpness));
+    let w = p / max(dot(p, vec4f(1.0)), 1e-6);
     if (s.blend != 2) { return w; }
     let top = max(max(w.x, w.y), max(w.z, w.w));
     if (w.x == top) { return vec4f(1.0, 0.0, 0.0, 0.0); }
@@ -32,6 +35,21 @@ fn kiln_at_distance(s: KilnSets, edge: vec2f, lambda: f32, distance: f32, thresh
     return out;
 }
 
+// Places within two texels of each other are alike.
+fn kiln_alike(s: KilnSets, a: vec2f, b: vec2f) -> f32 {
+    return max(1.0 - length((a - b) * s.size) / 2.0, 0.0);
+}
+
+// Share of one sample's variance that a mean by these weights has.
+fn kiln_variance(s: KilnSets, w: vec4f) -> f32 {
+    let two = w.x * w.y * kiln_alike(s, s.uv[0], s.uv[1]);
+    let three = w.z * (w.x * kiln_alike(s, s.uv[0], s.uv[2]) + w.y * kiln_alike(s, s.uv[1], s.uv[2]));
+    let far = w.x * kiln_alike(s, s.uv[0], s.uv[3]) + w.y * kiln_alike(s, s.uv[1], s.uv[3]);
+    let four = w.w * (far + w.z * kiln_alike(s, s.uv[2], s.uv[3]));
+    let pairs = select(0.0, two, s.sets > 1) + select(0.0, three, s.sets > 2) + select(0.0, four, s.sets > 3);
+    return max(dot(w, w) + 2.0 * pairs, 1e-6);
+}
+
 // One map, blended.
 fn kiln_sample(map: texture_2d<f32>, sampler_: sampler, s: KilnSets, mean: vec4f) -> vec4f {
     let w = kiln_weights(s);
@@ -41,7 +59,7 @@ fn kiln_sample(map: texture_2d<f32>, sampler_: sampler, s: KilnSets, mean: vec4f
     let c = textureSample(map, sampler_, s.uv[2]) * select(0.0, w.z, s.sets > 2);
     let d = textureSample(map, sampler_, s.uv[3]) * select(0.0, w.w, s.sets > 3);
     let sum = a + b + c + d;
-    let stretched = mean + (sum - mean) * inverseSqrt(max(dot(w, w), 1e-6));
+    let stretched = mean + (sum - mean) * inverseSqrt(kiln_variance(s, w));
     return select(sum, stretched, s.blend == 1);
 }
 

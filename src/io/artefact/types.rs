@@ -195,7 +195,7 @@ impl Artefact for Atlas {
 }
 
 impl Artefact for UvSets {
-    const TAG: [u8; 4] = *b"uvs1";
+    const TAG: [u8; 4] = *b"uvs2";
 
     fn write(&self, w: &mut Writer) {
         w.put(self.exemplar_size);
@@ -204,6 +204,7 @@ impl Artefact for UvSets {
             Blend::Variance => 1,
             Blend::Nearest => 2,
         });
+        w.put(self.sharpness);
         w.put(self.sets.len() as u32);
         for set in &self.sets {
             w.slice(set);
@@ -219,12 +220,12 @@ impl Artefact for UvSets {
             2 => Blend::Nearest,
             b => return Err(Damaged(format!("blend {b}"))),
         };
-        let n = r.get::<u32>()?;
-        check((1..=4).contains(&n), "one to four sets")?;
+        let [sharpness, n] = r.get::<[u32; 2]>()?;
+        check((1..=4).contains(&n) && sharpness > 0, "one to four sets")?;
         let sets = (0..n).map(|_| r.slice()).collect::<Result<Vec<Vec<_>>, _>>()?;
         let weights: Vec<[f32; 4]> = r.slice()?;
         check(sets.iter().all(|s| s.len() == weights.len()), "one coordinate per corner")?;
-        Ok(UvSets { exemplar_size, sets, weights, blend })
+        Ok(UvSets { exemplar_size, sets, weights, blend, sharpness })
     }
 }
 
@@ -274,6 +275,7 @@ mod tests {
             sets: vec![vec![texel(1.0, 2.0); 3]; 2],
             weights: vec![[0.5, 0.5, 0.0, 0.0]; 3],
             blend: Blend::Variance,
+            sharpness: 2,
         }
     }
 

@@ -80,8 +80,9 @@ pub enum TriangleOrder {
 /// `extras.kiln` for tools that drop unknown extensions:
 ///
 /// `sets` (1..=4), `blend` ("linear", "variance", "none": the set of greatest weight alone), `exemplarSize` (texels), `weights` ("_KILN_WEIGHTS"),
-/// `weightsTexCoord` (n, if repeated), `meanColor` (linear), `means` (per map), and for material-space bakes `material`
-/// ("_KILN_MATERIAL", SCALAR), `layers`, `tile`; for texton bakes `edge` ("_KILN_EDGE").
+/// `sharpness` (1 or more: the power to which interpolated weights are raised), `weightsTexCoord` (n, if repeated),
+/// `meanColor` (linear), `means` (per map), and for material-space bakes `material` ("_KILN_MATERIAL", SCALAR), `layers`,
+/// `tile`; for texton bakes `edge` ("_KILN_EDGE").
 ///
 /// A primitive none of whose triangles is in the synthesis mesh stays as it was.
 pub fn write_uv_sets(
@@ -184,6 +185,7 @@ fn describe(sets: &UvSets, output: &UvSetOutput) -> Value {
     let mut out = json!({
         "sets": sets.sets.len(),
         "blend": blend,
+        "sharpness": sets.sharpness,
         "exemplarSize": sets.exemplar_size,
         "weights": "_KILN_WEIGHTS",
     });

@@ -1,0 +1,276 @@
+//! Texture coordinates of triangle corners from the patches of sites.
+//!
+//! Source: \[ZG03\] 4.3 and 4.4, with patches that are blended over many triangles instead of one ring (4.4, last sentence;
+//! `super::sites`). A face takes the patches that weigh something at one of its corners. Patches that continue each
+//! other are one: their coordinates at a vertex are the mean by their weights there, so that a patch is smooth where
+//! the offsets of a curved surface do not quite close. Of the rest the three of greatest weight remain. A patch's place at a
+//! vertex and its weight there are the same for all faces around: sets agree along every edge, but for what was left out.
+//! Unaware of: how patches were found.
+
+use super::Error;
+use super::sites::Sites;
+use crate::numerics::par;
+use crate::texture::{Texel, texel};
+use crate::uvset::{Blend, UvSets};
+
+/// Sets of a face: as many as \[ZG03\] 4.4 has.
+pub(super) const MAX_SETS: usize = 3;
+
+/// Patches this near each other at all corners, in texels, continue each other: what does not close around one
+/// ring of sites on a moderately curved surface. Real jumps are longer.
+const CONTINUES: f32 = 1.0;
+
+/// Corner coordinates and weights (not sharpened) of all faces from the addresses of the sites. Fails if their number is
+/// wrong.
+pub fn layered_sets(
+    faces: &[[u32; 3]],
+    sites: &Sites,
+    address: &[Texel],
+    exemplar_size: [u32; 2],
+    blend: Blend,
+) -> Result<UvSets, Error> {
+    if address.len() != sites.vertices.len() {
+        return Err(Error::Count { what: "addresses of sites", found: address.len(), expected: sites.vertices.len() });
+    }
+    let count = if blend == Blend::Nearest { 1 } else { MAX_SETS };
+    let chunks = par::map_chunks(faces.len(), 4096, |some| {
+        let mut layers = Layers::new(CONTINUES);
+        let one = |face: &[u32; 3]| {
+            layers.clear();
+            let mut reaching = face.map(|v| sites.reaching(v));
+            // Each corner's sites are in order: the lowest of the three next.
+            while let Some(site) = reaching.iter().filter_map(|r| r.first()).map(|r| r.site).min() {
+                let a = address[site as usize];
+                let mut patch = Patch::new(site);
+                for (k, corner) in reaching.iter_mut().enumerate() {
+                    if let Some((r, rest)) = corner.split_first().filter(|(r, _)| r.site == site) {
+                        patch.place(k, texel(a.x + r.offset[0], a.y + r.offset[1]), r.weight);
+                        *corner = rest;
+                    }
+                }
+                layers.push(patch);
+            }
+            layers.finish(count)
+        };
+        faces[some].iter().map(one).collect::<Vec<_>>()
+    });
+    Ok(collect(chunks, count, exemplar_size, blend))
+}
+
+/// The sets of all faces.
+pub(super) fn collect(chunks: Vec<Vec<FaceSets>>, count: usize, exemplar_size: [u32; 2], blend: Blend) -> UvSets {
+    let corners = 3 * chunks.iter().map(Vec::len).sum::<usize>();
+    let mut sets = vec![Vec::with_capacity(corners); count];
+    let mut weights = Vec::with_capacity(corners);
+    for face in chunks.into_iter().flatten() {
+        for (set, corners) in sets.iter_mut().zip(&face.sets) {
+            set.extend_from_slice(corners);
+        }
+        weights.extend_from_slice(&face.weights);
+    }
+    UvSets { exemplar_size, sets, weights, blend, sharpness: 1 }
+}
+
+/// Coordinates of each set at the corners of a face, and each corner's weights.
+pub(super) struct FaceSets {
+    pub sets: [[Texel; 3]; MAX_SETS],
+    weights: [[f32; 4]; 3],
+}
+
+/// One patch over a face, or several that continue each other.
+#[derive(Clone)]
+pub(super) struct Patch {
+    id: u32,
+    /// The first one's place at each corner; NaN where it is not known.
+    at: [Texel; 3],
+    /// Places at each corner summed by weight.
+    sum: [[f32; 2]; 3],
+    weight: [f32; 3],
+}
+
+impl Patch {
+    /// A patch that is nowhere yet. Of equal weight the lower number comes first.
+    pub fn new(id: u32) -> Self {
+        Patch { id, at: [texel(f32::NAN, f32::NAN); 3], sum: [[0.0; 2]; 3], weight: [0.0; 3] }
+    }
+
+    /// Says where it is at corner `k` and what it weighs there.
+    pub fn place(&mut self, k: usize, at: Texel, weight: f32) {
+        (self.at[k], self.weight[k]) = (at, weight);
+        self.sum[k] = [at.x * weight, at.y * weight];
+    }
+
+    fn total(&self) -> f32 {
+        self.weight[0] + self.weight[1] + self.weight[2]
+    }
+
+    /// Whether `other` is within `tolerance` of it at all corners that both know.
+    fn continues(&self, other: &Patch, tolerance: f32) -> bool {
+        self.at.iter().zip(&other.at).all(|(a, b)| {
+            let far = (a.x - b.x).abs().max((a.y - b.y).abs());
+            far.is_nan() || far < tolerance
+        })
+    }
+
+    fn take_in(&mut self, other: &Patch) {
+        for k in 0..3 {
+            for axis in 0..2 {
+                self.sum[k][axis] += other.sum[k][axis];
+            }
+            self.weight[k] += other.weight[k];
+            if self.at[k].x.is_nan() {
+                self.at[k] = other.at[k];
+            }
+        }
+    }
+
+    /// The place at each corner.
+    fn corners(&self) -> [Texel; 3] {
+        let known = self.at.iter().find(|a| !a.x.is_nan()).copied().unwrap_or_default();
+        std::array::from_fn(|k| match (self.weight[k], self.sum[k]) {
+            (w, [x, y]) if w > 0.0 => texel(x / w, y / w),
+            _ if self.at[k].x.is_nan() => known,
+            _ => self.at[k],
+        })
+    }
+}
+
+/// The patches of one face; memory used again from face to face.
+pub(super) struct Layers {
+    tolerance: f32,
+    patches: Vec<Patch>,
+    merged: Vec<Patch>,
+}
+
+impl Layers {
+    /// Patches within `tolerance` texels of each other at all corners will be one.
+    pub fn new(tolerance: f32) -> Self {
+        Layers { tolerance, patches: vec![], merged: vec![] }
+    }
+
+    pub fn clear(&mut self) {
+        self.patches.clear();
+    }
+
+    /// Takes in a patch, if it weighs anything.
+    pub fn push(&mut self, patch: Patch) {
+        if patch.total() > 0.0 {
+            self.patches.push(patch);
+        }
+    }
+
+    /// Joins patches that continue each other; the heaviest `count` of the results are the sets, the first of them in
+    /// front, the others by number, so that neighbouring faces mostly have them in the same order. Sets without a patch
+    /// repeat the first.
+    pub fn finish(&mut self, count: usize) -> FaceSets {
+        let heaviest = |a: &Patch, b: &Patch| b.total().total_cmp(&a.total()).then(a.id.cmp(&b.id));
+        self.patches.sort_unstable_by(heaviest);
+        self.merged.clear();
+        for patch in &self.patches {
+            match self.merged.iter_mut().find(|m| m.continues(patch, self.tolerance)) {
+                Some(whole) => whole.take_in(patch),
+                None => self.merged.push(patch.clone()),
+            }
+        }
+        self.merged.sort_unstable_by(heaviest);
+        self.merged.truncate(count);
+        if let Some((_, others)) = self.merged.split_first_mut() {
+            others.sort_unstable_by_key(|p| p.id);
+        }
+        let mut out = FaceSets { sets: [[Texel::default(); 3]; MAX_SETS], weights: [[0.0; 4]; 3] };
+        for s in 0..count {
+            let patch = self.merged.get(s).or(self.merged.first());
+            out.sets[s] = patch.map_or([Texel::default(); 3], Patch::corners);
+        }
+        for (k, weights) in out.weights.iter_mut().enumerate() {
+            let sum: f32 = self.merged.iter().map(|p| p.weight[k]).sum();
+            match sum > 0.0 {
+                true => self.merged.iter().zip(weights).for_each(|(p, w)| *w = p.weight[k] / sum),
+                false => weights[0] = 1.0,
+            }
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::Topology;
+    use crate::numerics::rng::Key;
+    use crate::synth::testing::{flat_offsets, grid};
+
+    /// Sites of a fine plane, and addresses: in one piece, or each anywhere.
+    fn bench(scattered: bool) -> (crate::mesh::TriMesh, Sites, Vec<Texel>) {
+        let mesh = grid(50, 40, 0.3);
+        let t = Topology::new(&mesh);
+        let sites = Sites::new(&t, &flat_offsets(&mesh, &t, 0.8), 5.0, false).unwrap();
+        let key = Key::new(4);
+        let address = sites.vertices.iter().map(|v| {
+            let p = mesh.positions[*v as usize];
+            let draws = key.with(u64::from(*v));
+            let by = if scattered { [draws.unit(0) * 900.0, draws.unit(1) * 900.0] } else { [0.0; 2] };
+            texel((p.x * 0.8 + 20.0 + by[0]) as f32, (p.y * 0.8 + 20.0 + by[1]) as f32)
+        });
+        let address = address.collect();
+        (mesh, sites, address)
+    }
+
+    #[test]
+    fn one_patch_is_one_set_laid_out_linearly() {
+        let (mesh, sites, address) = bench(false);
+        let sets = layered_sets(&mesh.faces, &sites, &address, [90, 90], Blend::Linear).unwrap();
+        for (c, v) in mesh.faces.as_flattened().iter().enumerate() {
+            let p = mesh.positions[*v as usize];
+            assert_eq!(sets.weights[c], [1.0, 0.0, 0.0, 0.0]);
+            for set in &sets.sets {
+                assert!((f64::from(set[c].x) - p.x * 0.8 - 20.0).abs() < 1e-3);
+                assert!((f64::from(set[c].y) - p.y * 0.8 - 20.0).abs() < 1e-3);
+            }
+        }
+    }
+
+    /// What a corner shows, whatever the order of its sets: places and weights.
+    fn shown(sets: &UvSets, corner: usize) -> Vec<(i64, i64, f32)> {
+        let of = |s: usize| {
+            let (at, w) = (sets.sets[s][corner], sets.weights[corner][s]);
+            ((at.x * 100.0).round() as i64, (at.y * 100.0).round() as i64, w)
+        };
+        let mut shown: Vec<_> = (0..sets.sets.len()).map(of).filter(|s| s.2 > 0.05).collect();
+        shown.sort_unstable_by(|a, b| b.2.total_cmp(&a.2).then((a.0, a.1).cmp(&(b.0, b.1))));
+        shown
+    }
+
+    #[test]
+    fn faces_agree_at_their_corners() {
+        let (mesh, sites, address) = bench(true);
+        let sets = layered_sets(&mesh.faces, &sites, &address, [999, 999], Blend::Linear).unwrap();
+        let mut at: Vec<Vec<usize>> = vec![vec![]; mesh.positions.len()];
+        mesh.faces.as_flattened().iter().enumerate().for_each(|(c, v)| at[*v as usize].push(c));
+        let (mut same, mut all) = (0, 0);
+        for corners in &at {
+            for c in corners {
+                let sum: f32 = sets.weights[*c].iter().sum();
+                assert!((sum - 1.0).abs() < 1e-5);
+                all += 1;
+                let (a, b) = (shown(&sets, corners[0]), shown(&sets, *c));
+                let near =
+                    |a: &(i64, i64, f32), b: &(i64, i64, f32)| (a.0, a.1) == (b.0, b.1) && (a.2 - b.2).abs() < 0.1;
+                same += usize::from(a.len() == b.len() && a.iter().zip(&b).all(|(a, b)| near(a, b)));
+            }
+        }
+        // With every site a patch of its own, more than three meet here and there.
+        assert!(same * 100 > all * 75, "{same} of {all}");
+    }
+
+    #[test]
+    fn without_a_blend_there_is_one_set() {
+        let (mesh, sites, address) = bench(true);
+        let sets = layered_sets(&mesh.faces, &sites, &address, [999, 999], Blend::Nearest).unwrap();
+        assert_eq!(sets.sets.len(), 1);
+        assert!(sets.weights.iter().all(|w| *w == [1.0, 0.0, 0.0, 0.0]));
+        let few = layered_sets(&mesh.faces, &sites, &address[1..], [9, 9], Blend::Linear);
+        let (found, expected) = (address.len() - 1, address.len());
+        assert_eq!(few, Err(Error::Count { what: "addresses of sites", found, expected }));
+    }
+}

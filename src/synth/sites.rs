@@ -1,0 +1,446 @@
+//! Sites: vertices about equally far apart in texels, on which a surface is synthesised whatever its triangles are like.
+//!
+//! \[ZG03\] walks over all vertices, which ties the size of patches (a vertex jumps with a chance proportional to the
+//! length of its edges, so twice as many vertices along an edge make twice as many jumps in an area) and the width of
+//! the blend (one ring of triangles) to the mesh. Its section 4.4 asks for more where triangles are small: "it may be
+//! necessary to blend boundaries over multiple triangles". Here the walk visits only the sites, no two of which are
+//! nearer than `spacing` texels, and each site's patch is laid out over the vertices around it along shortest paths, as
+//! far as it weighs anything. Weights are those of a smoothed Voronoi diagram: one where the site is the nearest,
+//! falling linearly with the surplus distance, zero at a surplus of `spacing`; so they vanish at every other site and
+//! between two sites they are about the linear ramp of \[ZG03\] 4.4. Where all edges are longer than `spacing` every
+//! vertex is a site, and the method is the published one.
+//!
+//! Distances are lengths of the offset from the site, summed along the path shortest in texels (Dijkstra).
+//! Unaware of: positions, addresses, how offsets were made.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use crate::mesh::Topology;
+use crate::numerics::par;
+use crate::numerics::vec::{Vec2, vec2};
+
+/// Paths longer than this many times what they lead to are not followed: they go round something.
+const LONGEST: f64 = 1.6;
+
+/// Sites, how they adjoin and what each reaches.
+#[derive(Clone, Debug)]
+pub struct Sites {
+    /// The vertex that each site is, ascending.
+    pub vertices: Vec<u32>,
+    /// Which sites adjoin: those between whose nearest vertices there is an edge. It has no faces.
+    pub topology: Topology,
+    /// Offset of each half-edge of `topology` in texels, in the frame of the site that it starts from.
+    pub offsets: Vec<Vec2>,
+    /// Least and greatest corner of what is laid out from each site, offsets from its address.
+    pub boxes: Vec<[Vec2; 2]>,
+    starts: Vec<u32>,
+    reaches: Vec<Reach>,
+}
+
+/// A vertex as a site sees it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Reach {
+    pub site: u32,
+    /// Offset from the site to the vertex, in the site's frame.
+    pub offset: [f32; 2],
+    /// One where the site is the nearest; zero where it only must be known, at corners of faces that it reaches into.
+    pub weight: f32,
+}
+
+/// A mesh's edges as offsets.
+#[derive(Clone, Copy)]
+struct Net<'a> {
+    topology: &'a Topology,
+    offsets: &'a [Vec2],
+    /// Whether frames may be quarter turns apart (fields of 2-way and 4-way symmetry).
+    turned: bool,
+}
+
+impl Net<'_> {
+    /// Quarter turns that take a vector from the frame of half-edge `h`'s target to that of `v`, where it starts.
+    fn turns(&self, v: u32, h: usize) -> u8 {
+        if !self.turned {
+            return 0;
+        }
+        let Some(back) = self.topology.find(self.topology.target(h), v) else { return 0 };
+        let (there, back) = (self.offsets[h], -self.offsets[back]);
+        (0..4).find(|q| quarters(back, *q) == there).unwrap_or(0)
+    }
+}
+
+/// A vector after so many quarter turns, as `field::edge_offsets` turns them: right becomes up.
+fn quarters(d: Vec2, q: u8) -> Vec2 {
+    (0..q % 4).fold(d, |d, _| vec2(d.y, -d.x))
+}
+
+/// A vertex as the spreading from a site sees it.
+#[derive(Clone, Copy)]
+struct Label {
+    vertex: u32,
+    /// Quarter turns that take a vector from the vertex's frame to the site's.
+    turns: u8,
+    settled: bool,
+    /// Texels along the path.
+    length: f64,
+    /// Offset from the site.
+    at: Vec2,
+    /// Zero where paths are not followed any further.
+    weight: f32,
+}
+
+/// Shortest paths from one vertex at a time; memory kept from one to the next.
+struct Spread<'a> {
+    net: Net<'a>,
+    /// Index in `seen` of each vertex.
+    slots: Vec<u32>,
+    seen: Vec<Label>,
+    heap: BinaryHeap<Reverse<(u64, u32)>>,
+}
+
+const NONE: u32 = u32::MAX;
+
+impl<'a> Spread<'a> {
+    fn new(net: Net<'a>) -> Self {
+        let slots = vec![NONE; net.topology.vertex_count()];
+        Spread { net, slots, seen: vec![], heap: BinaryHeap::new() }
+    }
+
+    /// Labels `start`, all vertices that paths through vertices of positive weight lead to, and their neighbours. A
+    /// vertex beyond `limit`, or of longer paths than that allows, has no weight.
+    fn from(&mut self, start: u32, limit: f64, weigh: impl Fn(u32, f64) -> f64) {
+        for label in self.seen.drain(..) {
+            self.slots[label.vertex as usize] = NONE;
+        }
+        self.offer(Label { vertex: start, turns: 0, settled: false, length: 0.0, at: Vec2::ZERO, weight: 0.0 });
+        while let Some(Reverse((_, slot))) = self.heap.pop() {
+            let label = &mut self.seen[slot as usize];
+            if std::mem::replace(&mut label.settled, true) {
+                continue;
+            }
+            let distance = label.at.length();
+            if distance >= limit || label.length > LONGEST * limit {
+                continue;
+            }
+            label.weight = weigh(label.vertex, distance).max(0.0) as f32;
+            if label.weight <= 0.0 {
+                continue;
+            }
+            let label = *label;
+            let Net { topology, offsets, .. } = self.net;
+            for h in topology.half_edges(label.vertex) {
+                let (vertex, length) = (topology.target(h), label.length + offsets[h].length());
+                let slot = self.slots[vertex as usize];
+                if slot != NONE && self.seen[slot as usize].length <= length {
+                    continue;
+                }
+                let at = label.at + quarters(offsets[h], label.turns);
+                let turns = (label.turns + self.net.turns(label.vertex, h)) % 4;
+                self.offer(Label { vertex, turns, settled: false, length, at, weight: 0.0 });
+            }
+        }
+    }
+
+    /// Takes in a label that is the vertex's first or better than its last.
+    fn offer(&mut self, label: Label) {
+        let slot = &mut self.slots[label.vertex as usize];
+        if *slot == NONE {
+            *slot = self.seen.len() as u32;
+            self.seen.push(label);
+        } else {
+            self.seen[*slot as usize] = label;
+        }
+        // The bits of numbers that are not negative are in the numbers' order.
+        self.heap.push(Reverse((label.length.to_bits(), *slot)));
+    }
+
+    fn label(&self, vertex: u32) -> Option<&Label> {
+        self.seen.get(self.slots[vertex as usize] as usize)
+    }
+}
+
+/// The site nearest to a vertex.
+#[derive(Clone, Copy)]
+struct Nearest {
+    site: u32,
+    turns: u8,
+    /// Offset from the site.
+    at: Vec2,
+    distance: f64,
+}
+
+/// What one site comes to.
+struct Laid {
+    /// Adjoining sites and the offsets to them, ascending.
+    beside: Vec<(u32, Vec2)>,
+    /// Vertices that it reaches.
+    reaches: Vec<(u32, Reach)>,
+    extent: [Vec2; 2],
+}
+
+impl Laid {
+    fn reach(&mut self, v: u32, site: u32, at: Vec2, weight: f32) {
+        self.reaches.push((v, Reach { site, offset: [at.x as f32, at.y as f32], weight }));
+        let [low, high] = self.extent;
+        self.extent = [vec2(low.x.min(at.x), low.y.min(at.y)), vec2(high.x.max(at.x), high.y.max(at.y))];
+    }
+}
+
+impl Sites {
+    /// Chooses sites `spacing` texels apart; `None` if every vertex would be one.
+    ///
+    /// `offsets` as for the walk, finite; `turned`: whether frames may be quarter turns apart. Vertices are taken in order
+    /// of index unless a site is nearer than `spacing`.
+    pub fn new(topology: &Topology, offsets: &[Vec2], spacing: f64, turned: bool) -> Option<Sites> {
+        let net = Net { topology, offsets, turned };
+        let (vertices, nearest) = choose(net, spacing);
+        if vertices.len() == topology.vertex_count() {
+            return None;
+        }
+        // Few large chunks: each has an array of all vertices.
+        let laid = par::map_chunks(vertices.len(), vertices.len().div_ceil(16).max(64), |some| {
+            let mut spread = Spread::new(net);
+            some.map(|s| lay(&mut spread, s as u32, vertices[s], &nearest, spacing)).collect::<Vec<_>>()
+        });
+        let mut laid: Vec<Laid> = laid.into_iter().flatten().collect();
+        // Every vertex has a site, even where offsets make no sense as a surface.
+        let mut reached = vec![false; nearest.len()];
+        laid.iter().flat_map(|l| &l.reaches).for_each(|(v, r)| reached[*v as usize] |= r.weight > 0.0);
+        for v in (0..nearest.len()).filter(|v| !reached[*v]) {
+            let Nearest { site, at, .. } = nearest[v];
+            laid[site as usize].reaches.retain(|r| r.0 != v as u32);
+            laid[site as usize].reach(v as u32, site, at, 1.0);
+        }
+        Some(assemble(vertices, laid, topology.vertex_count()))
+    }
+
+    /// The sites in the order in which `order` first comes to a vertex next to each.
+    pub fn in_order_of(&self, order: &[u32]) -> Vec<u32> {
+        let mut taken = vec![false; self.vertices.len()];
+        let mut sites = Vec::with_capacity(taken.len());
+        for v in order {
+            // The nearest has weight one.
+            if let Some(r) =
+                self.reaching(*v).iter().max_by(|a, b| a.weight.total_cmp(&b.weight).then(b.site.cmp(&a.site)))
+                && !std::mem::replace(&mut taken[r.site as usize], true)
+            {
+                sites.push(r.site);
+            }
+        }
+        sites
+    }
+
+    /// The sites that reach a vertex, ascending.
+    pub(super) fn reaching(&self, v: u32) -> &[Reach] {
+        &self.reaches[self.starts[v as usize] as usize..self.starts[v as usize + 1] as usize]
+    }
+}
+
+/// The sites' vertices, and the nearest site of every vertex.
+fn choose(net: Net, spacing: f64) -> (Vec<u32>, Vec<Nearest>) {
+    let none = Nearest { site: NONE, turns: 0, at: Vec2::ZERO, distance: f64::INFINITY };
+    let mut nearest = vec![none; net.topology.vertex_count()];
+    let mut spread = Spread::new(net);
+    let mut vertices = vec![];
+    for v in 0..nearest.len() as u32 {
+        if nearest[v as usize].site != NONE {
+            continue;
+        }
+        spread.from(v, spacing, |_, _| 1.0);
+        for label in spread.seen.iter().filter(|l| l.weight > 0.0) {
+            let known = &mut nearest[label.vertex as usize];
+            let distance = label.at.length();
+            if distance < known.distance {
+                *known = Nearest { site: vertices.len() as u32, turns: label.turns, at: label.at, distance };
+            }
+        }
+        vertices.push(v);
+    }
+    (vertices, nearest)
+}
+
+/// Lays out the patch of a site.
+fn lay(spread: &mut Spread, site: u32, vertex: u32, nearest: &[Nearest], spacing: f64) -> Laid {
+    let own = |v: u32| &nearest[v as usize];
+    // Nobody is further than `spacing` from a site, so weights end before twice that.
+    spread.from(vertex, 2.0 * spacing, |v, distance| 1.0 - (distance - own(v).distance).max(0.0) / spacing);
+    let topology = spread.net.topology;
+    let mut laid = Laid { beside: vec![], reaches: vec![], extent: [Vec2::ZERO; 2] };
+    let mut paths: Vec<(u32, f64, u32, u32, Vec2)> = vec![];
+    for &Label { vertex: v, at, weight, .. } in &spread.seen {
+        let is_corner = || topology.neighbours(v).iter().any(|n| spread.label(*n).is_some_and(|l| l.weight > 0.0));
+        if weight > 0.0 || is_corner() {
+            laid.reach(v, site, at, weight);
+        }
+        if own(v).site == site {
+            paths.extend(topology.half_edges(v).filter_map(|h| path(spread.net, site, v, h, nearest)));
+        }
+    }
+    paths.sort_unstable_by(|p, q| p.0.cmp(&q.0).then(p.1.total_cmp(&q.1)).then((p.2, p.3).cmp(&(q.2, q.3))));
+    paths.dedup_by_key(|p| p.0);
+    laid.beside = paths.into_iter().map(|p| (p.0, p.4)).collect();
+    laid
+}
+
+/// The path from a site over half-edge `h` of a vertex `v` nearest to it to the site next to the target, if that is
+/// another: that site, the path's length, the edge's ends in order, the offset.
+fn path(net: Net, site: u32, v: u32, h: usize, nearest: &[Nearest]) -> Option<(u32, f64, u32, u32, Vec2)> {
+    let w = net.topology.target(h);
+    let (from, to, d) = (nearest[v as usize], nearest[w as usize], net.offsets[h]);
+    if to.site == site {
+        return None;
+    }
+    let length = (from.distance + to.distance) + d.length();
+    let offset = if net.turned {
+        // What leads from `w` to its site, turned into the frame of `w`, then into ours.
+        let back = quarters(-to.at, 4 - to.turns);
+        from.at + quarters(d, from.turns) + quarters(back, from.turns + net.turns(v, h))
+    } else if site < to.site {
+        from.at + d - to.at
+    } else {
+        // Rounded as the other half is, so that the two are exact opposites.
+        -(to.at - d - from.at)
+    };
+    Some((to.site, length, v.min(w), v.max(w), offset))
+}
+
+fn assemble(vertices: Vec<u32>, laid: Vec<Laid>, mesh_vertices: usize) -> Sites {
+    let (mut rows, mut offsets, mut boxes) = (vec![], vec![], vec![]);
+    let mut starts = vec![0u32; mesh_vertices + 1];
+    for l in &laid {
+        rows.push(l.beside.iter().map(|b| b.0).collect());
+        offsets.extend(l.beside.iter().map(|b| b.1));
+        boxes.push(l.extent);
+        l.reaches.iter().for_each(|(v, _)| starts[*v as usize + 1] += 1);
+    }
+    for v in 0..mesh_vertices {
+        starts[v + 1] += starts[v];
+    }
+    let mut fill = starts.clone();
+    let unused = Reach { site: NONE, offset: [0.0; 2], weight: 0.0 };
+    let mut reaches = vec![unused; starts[mesh_vertices] as usize];
+    for (v, reach) in laid.into_iter().flat_map(|l| l.reaches) {
+        reaches[fill[v as usize] as usize] = reach;
+        fill[v as usize] += 1;
+    }
+    Sites { vertices, topology: Topology::from_rows(rows), offsets, boxes, starts, reaches }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::TriMesh;
+    use crate::synth::testing::{flat_offsets, grid, random_offsets, topologies};
+
+    fn flat(w: u32, h: u32, scale: f64) -> (TriMesh, Topology, Vec<Vec2>) {
+        let mesh = grid(w, h, 0.3);
+        let t = Topology::new(&mesh);
+        let offsets = flat_offsets(&mesh, &t, scale);
+        (mesh, t, offsets)
+    }
+
+    #[test]
+    fn where_edges_are_long_every_vertex_is_a_site() {
+        let (_, t, offsets) = flat(12, 9, 8.0);
+        assert!(Sites::new(&t, &offsets, 3.0, false).is_none());
+        assert!(Sites::new(&t, &offsets, 9.0, false).is_some());
+    }
+
+    #[test]
+    fn on_a_plane_everything_is_where_it_is() {
+        let (mesh, t, offsets) = flat(60, 50, 0.7);
+        let spacing = 4.0;
+        let sites = Sites::new(&t, &offsets, spacing, false).unwrap();
+        let between = |a: u32, b: u32| (mesh.positions[b as usize] - mesh.positions[a as usize]) * 0.7;
+        for (i, a) in sites.vertices.iter().enumerate() {
+            assert!(sites.vertices[..i].iter().all(|b| between(*a, *b).length() >= spacing));
+            for h in sites.topology.half_edges(i as u32) {
+                let d = between(*a, sites.vertices[sites.topology.target(h) as usize]);
+                assert!((d.x - sites.offsets[h].x).abs() + (d.y - sites.offsets[h].y).abs() < 1e-9);
+                assert!(d.length() < 3.0 * spacing);
+                let back = sites.topology.find(sites.topology.target(h), i as u32).unwrap();
+                assert_eq!(sites.offsets[back], -sites.offsets[h]);
+            }
+        }
+        for v in 0..t.vertex_count() as u32 {
+            let reaching = sites.reaching(v);
+            let distances = sites.vertices.iter().map(|s| between(*s, v).length());
+            let nearest = distances.fold(f64::INFINITY, f64::min);
+            assert!(nearest < spacing);
+            for r in reaching {
+                let d = between(sites.vertices[r.site as usize], v);
+                assert!((d.x as f32 - r.offset[0]).abs() + (d.y as f32 - r.offset[1]).abs() < 1e-4);
+                let weight = (1.0 - (d.length() - nearest) / spacing).max(0.0);
+                assert!((f64::from(r.weight) - weight).abs() < 1e-5, "{} {weight}", r.weight);
+                let [low, high] = sites.boxes[r.site as usize];
+                assert!(low.x <= d.x + 1e-9 && d.x <= high.x + 1e-9 && low.y <= d.y + 1e-9 && d.y <= high.y + 1e-9);
+            }
+            assert!(reaching.iter().any(|r| r.weight == 1.0) && reaching.is_sorted_by_key(|r| r.site));
+        }
+        // All is there for the corners of faces that a site reaches into.
+        for face in &mesh.faces {
+            for r in face.iter().flat_map(|v| sites.reaching(*v)).filter(|r| r.weight > 0.0) {
+                assert!(face.iter().all(|v| sites.reaching(*v).iter().any(|o| o.site == r.site)));
+            }
+        }
+    }
+
+    /// The number of sites, and with it the size of patches, is the surface's, not the mesh's.
+    #[test]
+    fn finer_meshes_have_as_many_sites() {
+        let coarse = flat(40, 40, 2.0);
+        let fine = flat(157, 157, 0.5);
+        let count = |(_, t, offsets): &(TriMesh, Topology, Vec<Vec2>)| {
+            Sites::new(t, offsets, 6.0, false).unwrap().vertices.len() as f64
+        };
+        let (a, b) = (count(&coarse), count(&fine));
+        assert!((a / b - 1.0).abs() < 0.2, "{a} {b}");
+    }
+
+    #[test]
+    fn any_mesh_and_any_offsets_have_sites() {
+        for (name, t) in topologies() {
+            for reach in [0.0, 0.4, 3.0] {
+                let offsets = random_offsets(&t, reach, 3);
+                let Some(sites) = Sites::new(&t, &offsets, 2.0, false) else { continue };
+                for v in 0..t.vertex_count() as u32 {
+                    assert!(sites.reaching(v).iter().any(|r| r.weight > 0.0), "{name}");
+                    assert!(sites.reaching(v).is_sorted_by_key(|r| r.site), "{name}");
+                }
+                let order = sites.in_order_of(&(0..t.vertex_count() as u32).collect::<Vec<_>>());
+                assert_eq!(order.len(), sites.vertices.len(), "{name}");
+                for (i, s) in sites.vertices.iter().enumerate() {
+                    assert!(sites.topology.neighbours(i as u32).iter().all(|n| *n as usize != i), "{name} {s}");
+                }
+            }
+        }
+    }
+
+    /// A plane whose right half has its frames turned by a quarter looks the same to every site as one without.
+    #[test]
+    fn turned_frames_are_turned_back() {
+        let (mesh, t, offsets) = flat(30, 20, 0.8);
+        let is_turned = |v: u32| mesh.positions[v as usize].x > 15.0;
+        let turned: Vec<Vec2> = (0..t.vertex_count() as u32)
+            .flat_map(|v| t.half_edges(v).map(move |h| (v, h)))
+            .map(|(v, h)| quarters(offsets[h], u8::from(is_turned(v))))
+            .collect();
+        let plain = Sites::new(&t, &offsets, 4.0, false).unwrap();
+        let sites = Sites::new(&t, &turned, 4.0, true).unwrap();
+        assert_eq!(plain.vertices, sites.vertices);
+        for (s, v) in sites.vertices.iter().enumerate() {
+            for h in plain.topology.half_edges(s as u32) {
+                let back = quarters(sites.offsets[h], 4 - u8::from(is_turned(*v)));
+                assert!((back - plain.offsets[h]).length() < 1e-9);
+            }
+        }
+        for v in 0..t.vertex_count() as u32 {
+            for (a, b) in plain.reaching(v).iter().zip(sites.reaching(v)) {
+                let q = u8::from(is_turned(sites.vertices[b.site as usize]));
+                let back = quarters(vec2(b.offset[0].into(), b.offset[1].into()), 4 - q);
+                assert!((a.site, a.weight) == (b.site, b.weight));
+                assert!((back - vec2(a.offset[0].into(), a.offset[1].into())).length() < 1e-4);
+            }
+        }
+    }
+}
