@@ -1,6 +1,6 @@
 //! Step: put the samples of a canvas onto one sheet, without what masks exclude and what is to be filled in.
 //!
-//! A canvas of one whole sample needs no such step: then its maps are the sheet ([`read`]).
+//! A canvas of one whole sample needs no such step: then its maps are the sheet ([`Stacked::plain`]).
 
 use crate::build::{Inputs, Step, StepError, Visitor};
 use crate::exemplar::{AnalysisParams, Domain, Error, Sample, Sheet};

@@ -4,13 +4,13 @@
 //! Beyond \[ZG03\]; suggested by its section 6 ("extra passes over the mesh, when all neighbours are available to suggest
 //! destinations"; "a hierarchical generalization"). Without passes the result is the published method's. The walk's
 //! patches and the jumps of the texels along their seams are the candidates; each move is a minimum cut in a window
-//! ([`super::surface_window`]), as on images. Corrections of single vertices were tried first: on a flat square with four
+//! (`super::surface_window`), as on images. Corrections of single vertices were tried first: on a flat square with four
 //! exemplars coherence_p95 was 1.27 times the better flat peer's, and is 1.01 times now; bricks broke, and stay whole.
 //!
-//! Levels: the graphs of [`super::hierarchy`], edges up to an eighth of the exemplar, compared by appearances of blocks as
+//! Levels: the graphs of `super::hierarchy`, edges up to an eighth of the exemplar, compared by appearances of blocks as
 //! large as an edge is long. The coarsest starts from the walk's addresses, each next from those that continue the
 //! patches of the one before; levels with edges far below a texel only continue. Windows are the cells of
-//! [`super::surface_cells`], visited by colour, so nothing depends on threads.
+//! `super::surface_cells`, visited by colour, so nothing depends on threads.
 //! Unaware of: positions, how the first addresses were found.
 
 use super::Error;
