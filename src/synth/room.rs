@@ -55,11 +55,16 @@ impl Room {
         along(at.x, self.min[0], self.max[0]).min(along(at.y, self.min[1], self.max[1]))
     }
 
-    /// A random address, uniform in the room: draws 0 and 1 of the key.
+    /// A random address in the room, between whole texels if the room has any such: draws 0 and 1 of the key.
+    ///
+    /// Jumps are whole texels, so all that follows from an address keeps its fraction of a texel. Where the surface is flat
+    /// and baked texel by texel, none is blurred.
     pub fn random(&self, draws: Key) -> Texel {
         let along = |i: usize| {
             let (min, max) = (f64::from(self.min[i]), f64::from(self.max[i]));
-            ((min + draws.unit(i as u64) * (max - min)) as f32).clamp(self.min[i], self.max[i])
+            let at = min + draws.unit(i as u64) * (max - min);
+            let whole = at.round().clamp(min.ceil(), max.floor().max(min.ceil()));
+            (if whole <= max { whole } else { at } as f32).clamp(self.min[i], self.max[i])
         };
         texel(along(0), along(1))
     }
@@ -172,7 +177,8 @@ mod tests {
     fn random_addresses_fill_the_room() {
         let room = Room::new(&[vec2(3.0, 1.0)], [5, 4]);
         for i in 0..100 {
-            assert!(room.contains(room.random(Key::new(i))));
+            let at = room.random(Key::new(i));
+            assert!(room.contains(at) && at.x == at.x.round() && at.y == at.y.round());
         }
         let point = Room::new(&[vec2(-2.0, -1.5), vec2(2.0, 1.5)], [5, 4]);
         assert_eq!(point.random(Key::new(1)), texel(2.5, 2.0));
