@@ -16,11 +16,11 @@ const SOURCE: u8 = 1;
 const SINK: u8 = 2;
 
 /// Parents: the node hangs on its terminal, or on nothing. Other values are numbers of arcs.
-const TERMINAL: u8 = 254;
-const ORPHAN: u8 = 255;
+const TERMINAL: u16 = u16::MAX - 1;
+const ORPHAN: u16 = u16::MAX;
 
 /// Most arcs that leave a node.
-pub const MOST_ARCS: usize = 250;
+const MOST_ARCS: u32 = 65_000;
 
 /// How arcs are kept. The arcs that leave a node are numbered; each has an opposite.
 pub trait Layout: Default {
@@ -85,8 +85,8 @@ struct NetArc {
     open: i32,
 }
 
-/// The first of a node's arcs, and the one behind its last.
 impl Layout for Net {
+    /// The first of a node's arcs, and the one behind its last.
     type Arcs = [u32; 2];
     #[inline(always)]
     fn count(&self, arcs: &[u32; 2]) -> usize {
@@ -119,8 +119,8 @@ struct Node<A> {
     /// Distance to the terminal and when it was found out.
     distance: u32,
     stamp: u32,
+    parent: u16,
     tree: u8,
-    parent: u8,
 }
 
 /// A graph with capacities; used again from cut to cut.
@@ -172,7 +172,7 @@ impl GraphCut {
     }
 
     /// Adds to the costs of `a` being on the source's side while `b` is on the sink's, and the other way round. Neither
-    /// is negative; each pair of nodes comes once, and a node in no more than [`MOST_ARCS`] pairs.
+    /// is negative; each pair of nodes comes once. Of a node in more than 65,000 pairs the last ones do not count.
     #[inline(always)]
     pub fn add_pair(&mut self, a: usize, b: usize, costs: [i32; 2]) {
         debug_assert!(costs[0] >= 0 && costs[1] >= 0 && a != b, "capacities of {costs:?} between {a} and {b}");
@@ -182,14 +182,15 @@ impl GraphCut {
     /// Sorts the pairs in: to be called once all are added, before [`Cut::cut`].
     pub fn connect(&mut self) {
         let Net { arcs, pairs } = &mut self.layout;
-        for ([a, b], _) in pairs.iter() {
-            self.nodes[*a as usize].arcs[1] += 1;
-            self.nodes[*b as usize].arcs[1] += 1;
-        }
+        pairs.retain(|([a, b], _)| {
+            let ends = [*a as usize, *b as usize];
+            let fits = ends.iter().all(|i| self.nodes[*i].arcs[1] < MOST_ARCS);
+            ends.iter().filter(|_| fits).for_each(|i| self.nodes[*i].arcs[1] += 1);
+            fits
+        });
         let mut first = 0;
         for node in &mut self.nodes {
             let count = node.arcs[1];
-            debug_assert!(count as usize <= MOST_ARCS, "{count} arcs");
             node.arcs = [first, first];
             first += count;
         }
@@ -319,13 +320,13 @@ impl<L: Layout> Cut<L> {
                 continue;
             }
             if other.tree == FREE {
-                (other.tree, other.parent) = (tree, back as u8);
+                (other.tree, other.parent) = (tree, back as u16);
                 (other.distance, other.stamp) = (distance + 1, stamp);
                 self.active.push_back(at as u32);
             } else if other.tree != tree {
                 return Some(if tree == SOURCE { (node, arc) } else { (at, back) });
             } else if other.stamp <= stamp && other.distance > distance + 1 && other.parent < TERMINAL {
-                other.parent = back as u8;
+                other.parent = back as u16;
                 (other.distance, other.stamp) = (distance + 1, stamp);
             }
         }
@@ -397,7 +398,7 @@ impl<L: Layout> Cut<L> {
             match best {
                 Some((distance, arc)) => {
                     let (time, node) = (self.time, &mut self.nodes[node]);
-                    (node.parent, node.stamp, node.distance) = (arc as u8, time, distance + 1);
+                    (node.parent, node.stamp, node.distance) = (arc as u16, time, distance + 1);
                 }
                 None => self.set_free(node),
             }
@@ -415,7 +416,7 @@ impl<L: Layout> Cut<L> {
             if open > 0 {
                 self.active.push_back(at as u32);
             }
-            if self.nodes[at].parent == back as u8 {
+            if self.nodes[at].parent == back as u16 {
                 self.orphan(at);
             }
         }
@@ -521,6 +522,25 @@ mod tests {
             prop_assert_eq!((ours, sides.iter().filter(|s| **s).count() as u32), best);
             // Used again, it gives the same.
             prop_assert_eq!(solve(&mut cut, size, &terminals, &arcs), sides);
+        }
+
+        #[test]
+        fn a_node_may_have_many_arcs(seed in 0u64..4) {
+            // The middle hangs on the source by less than its arcs carry off; each leaf is cut off where that is cheaper.
+            let key = crate::numerics::rng::Key::new(seed);
+            let costs: Vec<[i32; 2]> = (0..700).map(|i| [0, 1].map(|j| key.with(j).below(i, 9) as i32)).collect();
+            let mut cut = GraphCut::default();
+            cut.reset(701);
+            cut.add_terminal(0, 1_000_000);
+            for (i, [terminal, arc]) in costs.iter().enumerate() {
+                cut.add_terminal(i + 1, -terminal);
+                cut.add_pair(0, i + 1, [*arc, 0]);
+            }
+            cut.connect();
+            cut.cut();
+            for (i, [terminal, arc]) in costs.iter().enumerate() {
+                prop_assert_eq!(cut.is_sink(i + 1), terminal > arc, "leaf {}", i);
+            }
         }
 
         #[test]

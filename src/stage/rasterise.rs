@@ -132,7 +132,7 @@ pub(super) struct Rasterise {
 }
 
 impl Step for Rasterise {
-    super::step_identity!("rasterise", 1);
+    super::step_identity!("rasterise", 2);
 
     fn describe(&self, v: &mut dyn Visitor) {
         v.param("images", &self.images);

@@ -66,6 +66,11 @@ fn png(picture: &Texture) -> Result<Vec<u8>, StepError> {
     Ok(encode_png(&pixels, Compression::Fast, Transfer::Srgb)?)
 }
 
+/// The name of the step that makes a view.
+fn name_of(recipe: &str, view: &Render) -> String {
+    format!("{recipe}/render {}", view.name)
+}
+
 /// A view of the field: reads surface, synthesis mesh and field.
 pub(super) struct RenderField {
     pub recipe: String,
@@ -74,7 +79,7 @@ pub(super) struct RenderField {
 
 impl Step for RenderField {
     fn name(&self) -> String {
-        format!("{}/render {}", self.recipe, self.view.name)
+        name_of(&self.recipe, &self.view)
     }
 
     fn kind(&self) -> &'static str {
@@ -103,7 +108,7 @@ impl Step for RenderField {
 
 impl Step for RenderView {
     fn name(&self) -> String {
-        format!("{}/render {}", self.recipe, self.view.name)
+        name_of(&self.recipe, &self.view)
     }
 
     fn kind(&self) -> &'static str {

@@ -81,8 +81,10 @@ pub(super) struct Scratch {
     own: Vec<Shown>,
     candidate: Vec<Shown>,
     free: Vec<bool>,
-    /// Costs of the pairs as they are, if the second moves, if the first moves, if both do.
-    costs: Vec<[i32; 4]>,
+    /// What each pair costs as it is.
+    costs: Vec<i32>,
+    /// What each would cost after the move in work.
+    after: Vec<i32>,
     votes: Vec<(i32, i32, u32)>,
 }
 
@@ -96,7 +98,7 @@ pub(super) fn improve(
 ) -> Vec<(u32, Texel)> {
     lay_out(scene, open, number_of, s);
     let mut changed = false;
-    for patch in candidates(scene, open.len(), s) {
+    for patch in candidates(scene, s) {
         changed |= expand(scene, open.len(), patch, s);
     }
     if !changed {
@@ -161,7 +163,9 @@ fn lay_out(scene: &Scene, open: &[u32], number_of: impl Fn(u32) -> Option<usize>
     s.free.clear();
     s.free.resize(s.nodes.len(), false);
     s.costs.clear();
-    s.costs.resize(s.pairs.len(), [0; 4]);
+    s.costs.resize(s.pairs.len(), 0);
+    s.after.clear();
+    s.after.resize(s.pairs.len(), 0);
     recount(scene, s);
 }
 
@@ -171,8 +175,8 @@ fn shown(scene: &Scene, at: Texel) -> Shown {
 
 /// Notes what each pair costs as it is.
 fn recount(scene: &Scene, s: &mut Scratch) {
-    for (p, costs) in s.pairs.iter().zip(&mut s.costs) {
-        costs[0] = cost(scene, p, &s.own[p.i], &s.own[p.j]);
+    for (p, now) in s.pairs.iter().zip(&mut s.costs) {
+        *now = cost(scene, p, &s.own[p.i], &s.own[p.j]);
     }
 }
 
@@ -210,7 +214,7 @@ fn visible(scene: &Scene, [a, b]: [Option<Sample>; 2], [c, d]: [Option<Sample>; 
 
 /// The patches to try, as shifts of the layout: those in the window, most frequent first, then those that jumps at seams
 /// lead to.
-fn candidates(scene: &Scene, open: usize, s: &mut Scratch) -> Vec<Vec2> {
+fn candidates(scene: &Scene, s: &mut Scratch) -> Vec<Vec2> {
     let shift = |s: &Scratch, i: usize, at: Texel| vec2(at.x.into(), at.y.into()) - s.layout[i];
     let whole = |o: Vec2| (o.x.round() as i32, o.y.round() as i32);
     s.votes.clear();
@@ -220,15 +224,15 @@ fn candidates(scene: &Scene, open: usize, s: &mut Scratch) -> Vec<Vec2> {
     }
     let known = frequent(&mut s.votes, &[], scene.present);
     let mut out: Vec<Vec2> = known.iter().map(|(.., i)| shift(s, *i as usize, s.own[*i as usize].at)).collect();
-    if out.len() < 2 || scene.fresh == 0 {
-        return if out.len() < 2 { vec![] } else { out };
+    if out.len() < 2 {
+        return vec![];
     }
     s.votes.clear();
     let mut shifts = vec![];
     let mut last = usize::MAX;
     for (k, p) in s.pairs.iter().enumerate() {
         // Pairs are in order of their first node.
-        if p.i == last || s.costs[k][0] == 0 {
+        if p.i == last || s.costs[k] == 0 {
             continue;
         }
         last = p.i;
@@ -242,7 +246,6 @@ fn candidates(scene: &Scene, open: usize, s: &mut Scratch) -> Vec<Vec2> {
             shifts.push(o);
         }
     }
-    debug_assert!(last == usize::MAX || last < open);
     let fresh = frequent(&mut s.votes, &known, scene.fresh);
     out.extend(fresh.iter().map(|(.., i)| shifts[*i as usize]));
     out
@@ -294,32 +297,31 @@ fn load(scene: &Scene, s: &mut Scratch) {
     for i in (0..nodes.len()).filter(|i| free[*i]) {
         cut.add_terminal(i, scene.usage.cost_at(candidate[i].at) - scene.usage.cost_at(own[i].at));
     }
-    for (p, [stay, second, first, both]) in pairs.iter().zip(costs) {
+    for (p, &stay) in pairs.iter().zip(&*costs) {
         let (i, j) = (p.i, p.j);
         if !free[i] && !free[j] {
             continue;
         }
         let mixed = |a: &Shown, b: &Shown| cost(scene, p, a, b);
-        let continues = *stay == 0 && p.flat;
-        if continues {
+        let (second, first) = if stay == 0 && p.flat {
             // Inside one patch both moves compare the same places.
             let gap = gap(p, own[i].at, candidate[j].at);
-            let seen =
-                jump(gap) + visible(scene, [own[i].sample, candidate[i].sample], [own[j].sample, candidate[j].sample]);
-            (*second, *first) = if gap < SAME { (0, 0) } else { (seen, seen) };
+            let at_first = [own[i].sample, candidate[i].sample];
+            let seen = jump(gap) + visible(scene, at_first, [own[j].sample, candidate[j].sample]);
+            if gap < SAME { (0, 0) } else { (seen, seen) }
         } else {
-            *second = if free[j] { mixed(&own[i], &candidate[j]) } else { 0 };
-            *first = if free[i] { mixed(&candidate[i], &own[j]) } else { 0 };
-        }
-        *both = if p.flat || !(free[i] && free[j]) { 0 } else { mixed(&candidate[i], &candidate[j]) };
+            let second = if free[j] { mixed(&own[i], &candidate[j]) } else { 0 };
+            (second, if free[i] { mixed(&candidate[i], &own[j]) } else { 0 })
+        };
+        let both = if p.flat || !(free[i] && free[j]) { 0 } else { mixed(&candidate[i], &candidate[j]) };
         match (free[i], free[j]) {
             (true, true) => {
-                cut.add_terminal(i, *first - *stay);
-                cut.add_terminal(j, *both - *first);
-                cut.add_pair(i, j, [(*second + *first - *stay - *both).max(0), 0]);
+                cut.add_terminal(i, first - stay);
+                cut.add_terminal(j, both - first);
+                cut.add_pair(i, j, [(second + first - stay - both).max(0), 0]);
             }
-            (true, false) => cut.add_terminal(i, *first - *stay),
-            (false, true) => cut.add_terminal(j, *second - *stay),
+            (true, false) => cut.add_terminal(i, first - stay),
+            (false, true) => cut.add_terminal(j, second - stay),
             (false, false) => {}
         }
     }
@@ -331,22 +333,17 @@ fn take(scene: &Scene, open: usize, s: &mut Scratch) -> bool {
     for i in (0..open).filter(|i| s.free[*i]) {
         change += i64::from(scene.usage.cost_at(s.candidate[i].at) - scene.usage.cost_at(s.own[i].at));
     }
-    let Scratch { pairs, own, candidate, free, costs, .. } = s;
-    let after = |i: usize| if free[i] { &candidate[i] } else { &own[i] };
-    for (p, costs) in pairs.iter().zip(costs.iter_mut()) {
-        if free[p.i] || free[p.j] {
-            costs[3] = cost(scene, p, after(p.i), after(p.j));
-            change += i64::from(costs[3] - costs[0]);
-        }
+    let Scratch { pairs, own, candidate, free, costs, after, .. } = s;
+    let shown = |i: usize| if free[i] { &candidate[i] } else { &own[i] };
+    for ((p, now), after) in pairs.iter().zip(&*costs).zip(&mut *after) {
+        let moves = free[p.i] || free[p.j];
+        *after = if moves { cost(scene, p, shown(p.i), shown(p.j)) } else { *now };
+        change += i64::from(*after - *now);
     }
     if change >= 0 {
         return false;
     }
-    for (p, costs) in pairs.iter().zip(costs) {
-        if free[p.i] || free[p.j] {
-            costs[0] = costs[3];
-        }
-    }
+    std::mem::swap(costs, after);
     for i in (0..open).filter(|i| free[*i]) {
         own[i] = candidate[i];
     }
