@@ -27,16 +27,16 @@ use crate::numerics::par;
 /// Nodes along a side of a window.
 const WINDOW: i32 = 16;
 
-/// Patches of a window that are tried, and new ones on coarse levels. More of either is hardly better.
+/// Patches of a window that are tried. More are hardly better.
 const PRESENT: usize = 8;
-const FRESH: usize = 8;
+
+/// New ones, from the finest level on; what the fifth and later ones gain is a tenth of all. Pixel by pixel nothing new is
+/// tried, seams only move.
+const FRESH: [usize; 4] = [0, 1, 3, 4];
 
 /// Shifts that are tried where a picture is filled in: those of the hole's surroundings, and those by which the picture
 /// repeats itself.
 const SHIFTS: [usize; 2] = [64, 16];
-
-/// The same at a stride of 2; pixel by pixel nothing new is tried, seams only move.
-const FRESH_FINE: usize = 2;
 
 /// Refines `map` by `passes` sweeps over the finest level and twice as many over coarser ones (the default 2: 2 and 4);
 /// none return it as it is.
@@ -73,11 +73,8 @@ pub(super) fn refine_board(
     }
     for (i, metric) in metrics.levels.iter().enumerate().rev() {
         let stride = 1 << i;
-        let (sweeps, fresh) = match i {
-            0 => (passes, 0),
-            1 => (passes.saturating_mul(2), FRESH_FINE),
-            _ => (passes.saturating_mul(2), FRESH),
-        };
+        let sweeps = if i == 0 { passes } else { passes.saturating_mul(2) };
+        let fresh = FRESH[i.min(FRESH.len() - 1)];
         let mut level = Level::new(board, stride);
         let known: Vec<[u16; 2]> = level.sources.iter().copied().filter(|s| *s != EMPTY).collect();
         let usage = Usage::new(jumps.domain(), metric, known.into_iter());

@@ -316,12 +316,12 @@ impl Window<'_> {
         true
     }
 
-    /// Sets the capacities of a move; returns the present sum over the pairs.
+    /// Sets the capacities of a move, in halves; returns the present sum over the pairs.
     fn load(&self, patch: Place, s: &mut Scratch) -> i64 {
         // The grid's own border lies where the ring does.
         s.cut.reset(self.width - 2, self.nodes.len() / self.width - 2);
         for i in (0..self.nodes.len()).filter(|i| s.free[*i]) {
-            s.cut.add_terminal(i, self.node_cost(i, s.candidate[i]) - self.node_cost(i, s.own[i]));
+            s.cut.add_terminal(i, 2 * (self.node_cost(i, s.candidate[i]) - self.node_cost(i, s.own[i])));
         }
         let mut before = 0;
         let Scratch { cut, offsets, own, candidate, change, free, stay, second, first, .. } = s;
@@ -344,12 +344,15 @@ impl Window<'_> {
             };
             match (free[i], free[j]) {
                 (true, true) => {
-                    cut.add_terminal(i, first[k] - stay[k]);
-                    cut.add_terminal(j, -first[k]);
-                    cut.add_arc(i, FORWARD[k % 2], (second[k] + first[k] - stay[k]).max(0));
+                    // Half of the cost either way, so that inside a patch no flow has to be sent at all.
+                    cut.add_terminal(i, first[k] - stay[k] - second[k]);
+                    cut.add_terminal(j, second[k] - stay[k] - first[k]);
+                    let either = (second[k] + first[k] - stay[k]).max(0);
+                    cut.add_arc(i, FORWARD[k % 2], either);
+                    cut.add_arc(j, 3 - FORWARD[k % 2], either);
                 }
-                (true, false) => cut.add_terminal(i, first[k] - stay[k]),
-                (false, true) => cut.add_terminal(j, second[k] - stay[k]),
+                (true, false) => cut.add_terminal(i, 2 * (first[k] - stay[k])),
+                (false, true) => cut.add_terminal(j, 2 * (second[k] - stay[k])),
                 (false, false) => {}
             }
         });

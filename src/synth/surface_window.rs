@@ -295,7 +295,7 @@ fn load(scene: &Scene, s: &mut Scratch) {
     let Scratch { cut, nodes, pairs, own, candidate, free, costs, .. } = s;
     cut.reset(nodes.len());
     for i in (0..nodes.len()).filter(|i| free[*i]) {
-        cut.add_terminal(i, scene.usage.cost_at(candidate[i].at) - scene.usage.cost_at(own[i].at));
+        cut.add_terminal(i, 2 * (scene.usage.cost_at(candidate[i].at) - scene.usage.cost_at(own[i].at)));
     }
     for (p, &stay) in pairs.iter().zip(&*costs) {
         let (i, j) = (p.i, p.j);
@@ -316,12 +316,12 @@ fn load(scene: &Scene, s: &mut Scratch) {
         let both = if p.flat || !(free[i] && free[j]) { 0 } else { mixed(&candidate[i], &candidate[j]) };
         match (free[i], free[j]) {
             (true, true) => {
-                cut.add_terminal(i, first - stay);
-                cut.add_terminal(j, both - first);
-                cut.add_pair(i, j, [(second + first - stay - both).max(0), 0]);
+                cut.add_terminal(i, first - stay + both - second);
+                cut.add_terminal(j, second - stay + both - first);
+                cut.add_pair(i, j, [(second + first - stay - both).max(0); 2]);
             }
-            (true, false) => cut.add_terminal(i, first - stay),
-            (false, true) => cut.add_terminal(j, second - stay),
+            (true, false) => cut.add_terminal(i, 2 * (first - stay)),
+            (false, true) => cut.add_terminal(j, 2 * (second - stay)),
             (false, false) => {}
         }
     }
