@@ -70,7 +70,7 @@ impl Artefact for SourceStrips {
 }
 
 impl Step for WalkImage {
-    super::step_identity!("walk image", 4);
+    super::step_identity!("walk image", 5);
 
     fn describe(&self, v: &mut dyn Visitor) {
         v.param("size", &self.size);

@@ -129,7 +129,7 @@ impl Artefact for Synthesised {
 }
 
 impl Step for Synthesise {
-    super::step_identity!("synthesise", 3);
+    super::step_identity!("synthesise", 4);
 
     fn describe(&self, v: &mut dyn Visitor) {
         let VertexWalkParams { patch, seed, border_band } = self.walk;
