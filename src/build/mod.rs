@@ -19,10 +19,13 @@
 mod books;
 mod cache;
 mod codec;
+mod critical;
+mod dead;
 mod depfile;
 mod digest;
 mod explain;
 mod graph;
+mod lend;
 mod manifest;
 mod options;
 mod plan;
@@ -35,16 +38,18 @@ mod trace;
 #[cfg(test)]
 mod history;
 #[cfg(test)]
+mod run_tests;
+#[cfg(test)]
 mod tests;
 #[cfg(test)]
 mod world;
 
-pub use cache::{Cache, Record, Size};
+pub use cache::{Cache, Copied, Record, Size};
 pub use depfile::depfile;
 pub use digest::Digest;
 pub use graph::{Bytes, Graph, GraphError, InputId, Inputs, Step, StepError, StepId, Visitor};
 pub use options::{Error, Options};
 pub use plan::{PlannedInput, PlannedStep, State, plan, to_dot, to_json};
 pub use report::{Failure, Outcome, OutputReport, Progress, Report, Silent, StepReport};
-pub use run::run;
+pub use run::{artefacts, run};
 pub use trace::chrome_trace;

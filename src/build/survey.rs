@@ -13,8 +13,10 @@
 use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicUsize;
 
-use super::cache::Cache;
+use super::cache::{Cache, Record};
 use super::digest::Digest;
 use super::explain;
 use super::graph::{Graph, Source, StepId};
@@ -34,6 +36,8 @@ pub(super) struct World<'a> {
     pub cache: Cache<'a>,
     pub manifest: Manifest<'a>,
     pub needed: Vec<bool>,
+    /// How many threads there are by now: a jobserver lends them one by one.
+    pub threads: Arc<AtomicUsize>,
 }
 
 /// A file as it was found.
@@ -57,6 +61,14 @@ impl Seen {
         }
     }
 
+    /// Length of the content in bytes; 0 if there is none.
+    pub fn len(&self) -> u64 {
+        match self {
+            Seen::Known { stamp, .. } => stamp.len,
+            _ => 0,
+        }
+    }
+
     /// What to remember of it.
     pub fn record(&self) -> Option<FileRecord> {
         match self {
@@ -73,6 +85,8 @@ impl Seen {
 pub(super) struct Artefact {
     pub digest: Digest,
     pub len: u64,
+    /// How long its step took.
+    pub wall_ms: u64,
 }
 
 /// What the survey says of a step.
@@ -251,9 +265,10 @@ fn judge_by_key(world: &World, survey: &mut Survey, step: StepId, inputs: &[Dige
 /// The artefact that `key` gave before, by the manifest or by the cache.
 pub(super) fn find_artefact(world: &World, step: StepId, key: &Digest) -> Option<Artefact> {
     if let Some(record) = world.manifest.step(world.graph, step).filter(|record| record.key == *key) {
-        return Some(Artefact { digest: record.artefact, len: record.len });
+        return Some(Artefact { digest: record.artefact, len: record.len, wall_ms: record.wall_ms });
     }
-    world.cache.record(key).map(|record| Artefact { digest: record.artefact, len: record.len })
+    let of = |record: Record| Artefact { digest: record.artefact, len: record.len, wall_ms: record.wall_ms };
+    world.cache.record(key).map(of)
 }
 
 /// Outputs of a step that do not hold its artefact.

@@ -1,5 +1,7 @@
 //! `kiln plan`: what would run, and why.
 
+use std::path::Path;
+
 use crate::build::{self, State, to_dot, to_json};
 use crate::disk::Real;
 
@@ -18,7 +20,7 @@ pub(super) fn show(global: &Global, loaded: &Loaded, graph: bool) -> Result<Done
     let steps = build::plan(&loaded.graph, &[], &loaded.options, &Real)
         .map_err(|e| Stop::Failed(super::bake::with_causes(&e)))?;
     let mut success = loaded.broken.is_empty();
-    if graph || global.format == Format::Json {
+    if graph || global.format != Format::Text {
         for (_, why) in &loaded.broken {
             use std::io::Write;
             let _ = writeln!(anstream::stderr(), "{why}");
@@ -29,6 +31,9 @@ pub(super) fn show(global: &Global, loaded: &Loaded, graph: bool) -> Result<Done
     }
     if global.format == Format::Json {
         return Ok(Done { text: to_json(&steps) + "\n", success });
+    }
+    if global.format == Format::Ninja {
+        return Ok(Done { text: ninja(global, loaded), success });
     }
     let mut text = String::new();
     for (_, why) in &loaded.broken {
@@ -47,4 +52,34 @@ pub(super) fn show(global: &Global, loaded: &Loaded, graph: bool) -> Result<Done
         text = format!("nothing to do: all {} steps are up to date\n", steps.len());
     }
     Ok(Done { text, success })
+}
+
+/// The recipes as rules for Ninja, each with its outputs and all that they are made from. Every rule bakes one recipe
+/// with one thread; what recipes share is made by whoever comes first, and the cache hands it to the others.
+fn ninja(global: &Global, loaded: &Loaded) -> String {
+    let flags = global.cache.as_ref().map_or(String::new(), |cache| format!(" --cache {}", quoted(cache)));
+    let mut text = String::from("ninja_required_version = 1.7\n\nrule bake\n");
+    text += &format!("  command = kiln bake -q -j 1{flags} -- $recipe\n");
+    text += "  description = kiln $recipe\n  restat = 1\n";
+    for planned in &loaded.planned {
+        let outputs: Vec<String> = planned.outputs.iter().filter_map(|path| escaped(path)).collect();
+        let files = loaded.graph.files_of(&planned.steps);
+        let shared = loaded.recipe_files.iter().filter(|file| **file == Path::new("kiln.toml"));
+        let inputs: Vec<String> = files.chain(shared.map(|file| &**file)).filter_map(escaped).collect();
+        let Some(recipe) = escaped(&planned.recipe) else { continue };
+        text += &format!("\nbuild {}: bake {recipe} | {}\n", outputs.join(" "), inputs.join(" "));
+        text += &format!("  recipe = {}\n", quoted(&planned.recipe).replace('$', "$$"));
+    }
+    text
+}
+
+/// A path in a rule; `None` if Ninja cannot say it.
+fn escaped(path: &Path) -> Option<String> {
+    let text = path.to_str().filter(|text| !text.contains('\n'))?;
+    Some(text.replace('$', "$$").replace(' ', "$ ").replace(':', "$:"))
+}
+
+/// A path in a command.
+fn quoted(path: &Path) -> String {
+    format!("'{}'", path.display().to_string().replace('\'', "'\\''"))
 }

@@ -2,14 +2,15 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use crate::build::{Graph, Options};
-use crate::disk::{Disk, Real};
+use crate::disk::{Disk, Jobserver, Real, machine_memory};
 use crate::recipe::{self, Project, Recipe};
 use crate::stage::plan::{self, Planned};
 
 use super::args::Global;
-use super::{Stop, jobs};
+use super::{Stop, interrupt, jobs};
 
 /// Where outputs go, below the project's folder.
 pub(super) const OUT: &str = "out";
@@ -27,6 +28,10 @@ pub(super) struct Loaded {
     pub planned: Vec<Planned>,
     /// Recipes that could not be planned, with the reason.
     pub broken: Vec<(String, String)>,
+    /// Whether some recipes are wrong in themselves: they are among the broken ones.
+    pub faulty: bool,
+    /// The cache is to have at most so many bytes.
+    pub max_cache: Option<u64>,
     pub options: Options,
     /// Files that shaped the graph but are no step's input: recipes and `kiln.toml`.
     pub recipe_files: Vec<PathBuf>,
@@ -37,13 +42,19 @@ pub(super) fn load(global: &Global, wanted: &[PathBuf]) -> Result<Loaded, Stop> 
     let disk = Real;
     let (project, mut recipe_files) = project(&disk)?;
     let files = if wanted.is_empty() { all(&disk)? } else { wanted.iter().map(|w| find(&disk, w)).collect() };
-    let recipes = read(&disk, &files, &project)?;
+    let (recipes, faults) = read(&disk, &files, &project);
+    let said: Vec<String> = faults.iter().map(|(_, said)| said.clone()).collect();
+    if !faults.is_empty() && (!global.keep_going || recipes.is_empty()) {
+        return Err(Stop::Usage(said.join("\n")));
+    }
     recipe_files.extend(files);
     let mut loaded = Loaded {
         graph: Graph::new(),
         planned: Vec::new(),
-        broken: Vec::new(),
-        options: options(global, &project, wanted.is_empty()),
+        faulty: !faults.is_empty(),
+        broken: faults,
+        max_cache: project.cache.max_size,
+        options: options(global, &project)?,
         recipe_files,
     };
     for recipe in &recipes {
@@ -52,20 +63,32 @@ pub(super) fn load(global: &Global, wanted: &[PathBuf]) -> Result<Loaded, Stop> 
             Err(e) => loaded.broken.push((recipe.name.clone(), e.to_string())),
         }
     }
+    // What is broken may have outputs, too.
+    loaded.options.whole_tree = wanted.is_empty() && loaded.broken.is_empty();
     Ok(loaded)
 }
 
-fn options(global: &Global, project: &Project, whole_tree: bool) -> Options {
+/// How to run, but for what the recipes decide.
+pub(super) fn options(global: &Global, project: &Project) -> Result<Options, Stop> {
     let own = Path::new(OWN);
-    Options {
+    let memory = global.memory.unwrap_or_else(|| machine_memory().map_or(u64::MAX, |bytes| bytes / 4 * 3));
+    // Artefacts that wait for their readers take a part of it.
+    let hold_bytes = Options::default().hold_bytes.min(memory / 4);
+    // Whoever says how many threads to use wants no fewer.
+    let makeflags = if global.jobs.is_none() { std::env::var("MAKEFLAGS").ok() } else { None };
+    let named = global.cache.clone().or_else(|| project.cache.path.as_ref().map(|p| p.path.clone()));
+    Ok(Options {
         jobs: jobs(global),
         keep_going: global.keep_going,
         dry_run: global.dry_run,
-        whole_tree,
-        cache: project.cache.path.as_ref().map_or_else(|| own.join("cache"), |p| p.path.clone()),
+        memory: memory - hold_bytes,
+        hold_bytes,
+        interrupt: interrupt::flag(),
+        jobserver: makeflags.and_then(|flags| Jobserver::from_makeflags(&flags)).map(Arc::new),
+        cache: named.unwrap_or_else(|| own.join("cache")),
         manifest: own.join("manifest"),
         ..Options::default()
-    }
+    })
 }
 
 /// `kiln.toml`, if there is one.
@@ -114,19 +137,21 @@ fn find(disk: &dyn Disk, typed: &Path) -> PathBuf {
     typed.to_path_buf()
 }
 
-/// Reads recipes; the faults of all of them are one error.
-fn read(disk: &dyn Disk, files: &[PathBuf], project: &Project) -> Result<Vec<Recipe>, Stop> {
-    let (mut recipes, mut faults) = (Vec::new(), Vec::new());
+/// Reads recipes; also returns those that are wrong, by name, and what to say of them.
+fn read(disk: &dyn Disk, files: &[PathBuf], project: &Project) -> (Vec<Recipe>, Vec<(String, String)>) {
+    let (mut recipes, mut faults) = (Vec::<Recipe>::new(), Vec::new());
     for file in files {
+        let name = file.file_stem().unwrap_or_default().to_string_lossy();
+        let mut fault = |said: String| faults.push((name.to_string(), said));
         match disk.read(file, RECIPE_LIMIT + 1) {
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
                 let said = "there is no such recipe; expected a recipe's file, or the name of one in recipes/";
-                faults.push(format!("{}: {said}", file.display()));
+                fault(format!("{}: {said}", file.display()));
             }
-            Err(e) => faults.push(format!("{}: {e}", file.display())),
+            Err(e) => fault(format!("{}: {e}", file.display())),
             Ok(bytes) => match recipe::parse(file, &bytes, Some(&project.defaults)) {
                 Ok(recipe) => recipes.push(recipe),
-                Err(found) => faults.push(found.render(colored())),
+                Err(found) => fault(found.render(colored())),
             },
         }
     }
@@ -134,8 +159,11 @@ fn read(disk: &dyn Disk, files: &[PathBuf], project: &Project) -> Result<Vec<Rec
     for recipe in &recipes {
         if let Some(first) = names.insert(&recipe.name, &recipe.path).filter(|first| *first != recipe.path) {
             let (first, second) = (first.display(), recipe.path.display());
-            faults.push(format!("{first} and {second} are both called `{}`; outputs need one name each", recipe.name));
+            let said = format!("{first} and {second} are both called `{}`; outputs need one name each", recipe.name);
+            faults.push((recipe.name.clone(), said));
         }
     }
-    if faults.is_empty() { Ok(recipes) } else { Err(Stop::Usage(faults.join("\n"))) }
+    // Neither of two of one name is baked.
+    recipes.retain(|recipe| faults.iter().all(|(name, _)| *name != recipe.name));
+    (recipes, faults)
 }

@@ -3,11 +3,13 @@
 //! [`Real`] is the file system; [`Memory`] is one in memory, with times that only move on a write, for tests of the
 //! engine. Errors are `std::io::Error`s whose text does not name the path; callers add it.
 
+mod jobserver;
 mod memory;
 mod real;
 
+pub use jobserver::Jobserver;
 pub use memory::{Memory, Op};
-pub use real::{Real, TEMPORARY_PREFIX};
+pub use real::{Real, TEMPORARY_PREFIX, is_temporary, machine_memory};
 
 use std::io::{self, Cursor, Seek, Write};
 use std::path::{Path, PathBuf};
@@ -53,6 +55,8 @@ pub trait Disk: Send + Sync {
         fill(&mut whole)?;
         self.write(path, &whole.into_inner())
     }
+    /// Sets the modification time of a file to now.
+    fn touch(&self, path: &Path) -> io::Result<()>;
     /// Removes a file; no error if it is not there.
     fn remove(&self, path: &Path) -> io::Result<()>;
     /// Files below a folder (recursively, not through links to folders), sorted; empty if there is no such folder.

@@ -56,6 +56,8 @@ const SCENE_LIMIT: u64 = 1 << 31;
 pub struct Planned {
     /// The recipe's name.
     pub name: String,
+    /// The recipe's file.
+    pub recipe: PathBuf,
     /// Its output files, in the order of planning.
     pub outputs: Vec<PathBuf>,
     /// Its steps in an order in which each comes after those it reads; shared ones included.
@@ -77,7 +79,8 @@ impl std::error::Error for PlanError {}
 /// Adds the steps of a recipe. Outputs go to `out/<recipe>/` below `out`.
 pub fn add(graph: &mut Graph, recipe: &Recipe, out: &Path, disk: &dyn Disk) -> Result<Planned, PlanError> {
     let folder = out.join(&recipe.name);
-    let planned = Planned { name: recipe.name.clone(), outputs: Vec::new(), steps: Vec::new() };
+    let planned =
+        Planned { name: recipe.name.clone(), recipe: recipe.path.clone(), outputs: Vec::new(), steps: Vec::new() };
     let mut planner = Planner { graph, recipe, disk, folder, planned };
     // What can fail comes first, so that a recipe that can't be baked leaves no steps behind.
     if let (Target::Canvas(canvas), true) = (&recipe.target, recipe.exemplar.maps.iter().any(|m| m.frames.is_some())) {
