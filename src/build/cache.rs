@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use super::codec::{Writer, open_frame};
 use super::digest::Digest;
-use crate::disk::{Disk, is_temporary};
+use crate::disk::{Clock, Disk, is_temporary};
 
 const RECORD_MAGIC: &[u8; 8] = b"KILNREC1";
 /// Whatever is unfinished for a day will not be finished: the kiln that wrote it is dead, on whichever machine it ran.
@@ -208,9 +208,8 @@ impl<'a> Cache<'a> {
 
     /// The time by the clock that stamps the files of the cache.
     fn now(&self) -> io::Result<i128> {
-        let probe = self.folder.join("clock");
-        self.disk.write(&probe, b"")?;
-        Ok(self.disk.stamp(&probe)?.map_or(i128::MIN, |stamp| stamp.mtime_ns))
+        let now = Clock::new(self.disk, self.folder.join("clock")).now();
+        now.ok_or_else(|| io::Error::new(io::ErrorKind::PermissionDenied, "cannot be written to"))
     }
 
     /// Removes unfinished files of killed runs that are older than this time.

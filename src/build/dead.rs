@@ -62,9 +62,9 @@ fn is_ours(world: &World, path: &Path, record: &FileRecord) -> bool {
     }
 }
 
-/// Removes unfinished files from the folders of the outputs and from kiln's own. They do no harm, so those that cannot be
+/// Removes unfinished files that are older than this time from the folders of the outputs and from kiln's own. They do no harm, so those that cannot be
 /// removed stay.
-pub(super) fn remove_unfinished(world: &World) {
+pub(super) fn remove_unfinished(world: &World, before_ns: i128) {
     let mut folders: Vec<&Path> = world.graph.outputs.iter().filter_map(|output| output.path.parent()).collect();
     folders.extend(world.options.manifest.parent());
     folders.sort_unstable();
@@ -72,7 +72,9 @@ pub(super) fn remove_unfinished(world: &World) {
     folders.dedup_by(|folder, above| folder.starts_with(above));
     for folder in folders.into_iter().filter(|folder| *folder != Path::new("")) {
         for path in world.disk.list(folder).unwrap_or_default() {
-            if path.file_name().and_then(|name| name.to_str()).is_some_and(is_temporary) {
+            let temporary = path.file_name().and_then(|name| name.to_str()).is_some_and(is_temporary);
+            let old = |path| matches!(world.disk.stamp(path), Ok(Some(stamp)) if stamp.mtime_ns < before_ns);
+            if temporary && old(&path) {
                 let _ = world.disk.remove(&path);
             }
         }

@@ -14,7 +14,12 @@
 //! Two kilns on one tree do no harm to each other: everything is written atomically, entries of the cache are what
 //! their names say, and a manifest that misses what the other wrote costs a look into the cache.
 //!
+//! How it is used, on the command line and in CI: [`guide`].
+//!
 //! Unaware of: textures, recipes, the command line.
+
+#[doc = include_str!("guide.md")]
+pub mod guide {}
 
 mod books;
 mod cache;
@@ -32,6 +37,7 @@ mod plan;
 mod report;
 mod run;
 mod schedule;
+pub mod seal;
 mod survey;
 mod trace;
 

@@ -25,6 +25,9 @@ pub struct Options {
     pub whole_tree: bool,
     /// Remove the outputs of recipes that are gone; needs `whole_tree`. Else they are only reported.
     pub prune: bool,
+    /// An earlier run was killed: remove what it left unfinished, that is what is older than this time of the file system
+    /// in nanoseconds since 1970. Nobody else may have been at work here then.
+    pub clean: Option<i128>,
     /// Steps start only while the estimates of those under way are below so many bytes together; one always may.
     pub memory: u64,
     /// Set by whoever wants the run to end: no further step starts, and what is done is kept.
@@ -50,6 +53,7 @@ impl Default for Options {
             force: false,
             whole_tree: false,
             prune: false,
+            clean: None,
             memory: u64::MAX,
             interrupt: Arc::default(),
             jobserver: None,

@@ -16,8 +16,8 @@ use super::manifest::{Entry, FileRecord, Manifest, NewStep, Update, encode};
 use super::options::{Error, Options};
 use super::report::{Failure, Outcome, OutputReport, Progress, Report, StepReport};
 use super::schedule::{Work, step_report};
-use super::survey::{Artefact, Clock, Seen, Survey, Verdict, World, survey};
-use crate::disk::{Disk, Lock};
+use super::survey::{Artefact, Seen, Survey, Verdict, World, survey};
+use crate::disk::{Clock, Disk};
 use crate::numerics::par;
 
 /// A manifest of this size would hold tens of millions of steps.
@@ -41,12 +41,18 @@ pub fn run(
 
 /// Digests of all artefacts that the manifest tells of, sorted: what the outputs here are made from.
 pub fn artefacts(options: &Options, disk: &dyn Disk) -> Vec<Digest> {
+    with_manifest(options, disk, |manifest| {
+        let mut digests: Vec<Digest> = manifest.steps.rows().map(|record| record.artefact).collect();
+        digests.sort_unstable();
+        digests.dedup();
+        digests
+    })
+}
+
+/// Calls `work` with the manifest; an empty one, if it cannot be read.
+pub(super) fn with_manifest<R>(options: &Options, disk: &dyn Disk, work: impl FnOnce(&Manifest) -> R) -> R {
     let bytes = disk.read(&options.manifest, MANIFEST_LIMIT).unwrap_or_default();
-    let manifest = Manifest::parse(&bytes).unwrap_or_default();
-    let mut digests: Vec<Digest> = manifest.steps.rows().map(|record| record.artefact).collect();
-    digests.sort_unstable();
-    digests.dedup();
-    digests
+    work(&Manifest::parse(&bytes).unwrap_or_default())
 }
 
 /// Checks the graph, reads the manifest and calls `work` on a pool of `jobs` threads.
@@ -77,10 +83,15 @@ pub(super) fn in_world<R: Send>(
 fn run_in(world: &World, progress: &dyn Progress) -> Report {
     let begun = Instant::now();
     let dry = world.options.dry_run;
-    let survey = survey(world, if dry { Clock::Ignore } else { Clock::Ask });
+    let probe = world.options.manifest.with_file_name("clock");
+    let clock = if dry { Clock::stopped(world.disk) } else { Clock::new(world.disk, probe) };
+    let survey = survey(world, &clock);
     let to_do =
         survey.steps.iter().filter(|verdict| !matches!(verdict, Verdict::UpToDate(_) | Verdict::Ignored)).count();
     let needed = world.needed.iter().filter(|needed| **needed).count();
+    if let Some(before_ns) = world.options.clean.filter(|_| !dry) {
+        remove_unfinished(world, before_ns);
+    }
     let Dead { found, gone, warnings } = sweep(world);
     let mut report = Report {
         steps: Vec::with_capacity(needed),
@@ -97,7 +108,6 @@ fn run_in(world: &World, progress: &dyn Progress) -> Report {
         report_outputs(world, |output| survey.outputs[output].digest(), |_| false, &mut report);
         return report;
     }
-    let marker = Marker::set(world);
     let work = Work::new(world, &survey, progress, begun);
     progress.begin(needed - to_do, to_do, work.expected());
     let books = work.run();
@@ -118,36 +128,7 @@ fn run_in(world: &World, progress: &dyn Progress) -> Report {
     report_steps(world, books.slots, &mut report);
     report.interrupted = world.options.interrupt.load(Ordering::Relaxed) && !report.is_success();
     report.elapsed = begun.elapsed();
-    marker.remove(world);
     report
-}
-
-/// A file that is there while a run writes. One that is found tells that its run was killed.
-struct Marker(Option<Box<dyn Lock>>);
-
-impl Marker {
-    /// Sets the marker. After a killed run what it left unfinished is removed first, unless another run is under way here,
-    /// whose unfinished files those may be.
-    fn set(world: &World) -> Self {
-        let path = Marker::path(world);
-        let found = matches!(world.disk.stamp(&path), Ok(Some(_)));
-        let lock = world.disk.try_lock(&path).ok().flatten();
-        if found && lock.is_some() {
-            remove_unfinished(world);
-        }
-        Marker(lock)
-    }
-
-    fn remove(self, world: &World) {
-        if self.0.is_some() {
-            // At worst the next run looks for what this one did not leave.
-            let _ = world.disk.remove(&Marker::path(world));
-        }
-    }
-
-    fn path(world: &World) -> std::path::PathBuf {
-        world.options.manifest.with_file_name("running")
-    }
 }
 
 /// Which input files have another stamp than at the survey.

@@ -213,3 +213,27 @@ fn a_cache_is_copied_whole_or_as_far_as_it_is_used_and_never_with_damage() {
     let fresh = Options { cache: "other".into(), manifest: "fresh/manifest".into(), ..options(1) };
     assert_eq!(run(&chains(&of, 0).0, &[], &fresh, &disk, &Silent).unwrap().ran().count(), 0);
 }
+
+#[cfg(target_os = "linux")]
+#[test]
+fn threads_beyond_the_first_are_lent_and_given_back() {
+    use std::io::{Read, Write};
+    use std::os::fd::AsRawFd;
+    let of = [("a", 30), ("b", 30), ("c", 30), ("d", 30)];
+    for (tokens, most) in [(0, 1), (1, 2), (9, 4)] {
+        let (mut read, mut write) = std::io::pipe().unwrap();
+        write.write_all(&b"+++++++++"[..tokens]).unwrap();
+        let flags = format!("--jobserver-auth={},{}", read.as_raw_fd(), write.as_raw_fd());
+        let jobserver = crate::disk::Jobserver::from_makeflags(&flags).map(Arc::new);
+        assert!(jobserver.is_some());
+        let (graph, log) = chains(&of, 0);
+        let report = run(&graph, &[], &Options { jobserver, ..options(4) }, &inputs(&of), &Silent).unwrap();
+        assert!(report.is_success());
+        let side_by_side = log.most.load(Ordering::SeqCst);
+        assert!(side_by_side <= most && (most == 1 || side_by_side > 1), "{side_by_side} with {tokens} tokens");
+        drop(write);
+        let mut back = Vec::new();
+        read.read_to_end(&mut back).unwrap();
+        assert_eq!(back.len(), tokens, "tokens that came back");
+    }
+}

@@ -12,6 +12,15 @@ use super::{Done, Stop};
 
 /// Brings the outputs of recipes up to date.
 pub(super) fn run(global: &Global, bake: &Bake) -> Result<Done, Stop> {
+    let plain = global.format == Format::Text && global.verbose == 0;
+    let plain = plain && global.trace.is_none() && global.depfile.is_none() && bake.recipes.recipes.is_empty();
+    if let Some(sealed) = plain.then(|| project::sealed(global)).flatten() {
+        return Done::ok(match (global.dry_run, global.quiet) {
+            (true, _) => super::plan::nothing_to_do(sealed.steps),
+            (false, true) => String::new(),
+            (false, false) => nothing_to_do(sealed.outputs),
+        });
+    }
     let mut loaded = project::load(global, &bake.recipes.recipes)?;
     loaded.options.prune = bake.prune;
     if bake.prune && !loaded.options.whole_tree {
@@ -22,6 +31,9 @@ pub(super) fn run(global: &Global, bake: &Bake) -> Result<Done, Stop> {
     }
     let report = build(global, &loaded)?;
     let success = report.is_success() && loaded.broken.is_empty();
+    if success && loaded.options.whole_tree && (report.dead_outputs.is_empty() || bake.prune) {
+        project::seal(global, &loaded);
+    }
     let text = summary(global, &loaded, &report);
     if loaded.faulty { Err(Stop::Partly(text)) } else { Ok(Done { text, success }) }
 }
@@ -89,6 +101,10 @@ pub(super) fn with_causes(error: &dyn std::error::Error) -> String {
     text
 }
 
+fn nothing_to_do(outputs: u64) -> String {
+    format!("nothing to do: all {outputs} outputs are up to date\n")
+}
+
 fn summary(global: &Global, loaded: &Loaded, report: &Report) -> String {
     let written: Vec<_> = report.outputs.iter().filter(|o| o.written).collect();
     if global.format == Format::Json {
@@ -113,7 +129,7 @@ fn summary(global: &Global, loaded: &Loaded, report: &Report) -> String {
     }
     let pruned = loaded.options.prune && !report.dead_outputs.is_empty();
     if report.is_noop() && written.is_empty() && !pruned {
-        return format!("nothing to do: all {} outputs are up to date\n", report.outputs.len());
+        return nothing_to_do(report.outputs.len() as u64);
     }
     let pruned = report.dead_outputs.iter().filter(|_| loaded.options.prune);
     let mut text: String = pruned.map(|path| format!("removed {}\n", path.display())).collect();

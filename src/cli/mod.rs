@@ -10,6 +10,7 @@ mod check;
 mod init;
 mod inspect;
 mod interrupt;
+mod marker;
 mod plan;
 mod progress;
 mod project;

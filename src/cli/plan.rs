@@ -11,6 +11,15 @@ use super::{Done, Stop};
 
 /// Shows the plan of recipes.
 pub(super) fn run(global: &Global, plan: &Plan) -> Result<Done, Stop> {
+    // Planning writes nothing.
+    let global = &Global { dry_run: true, ..global.clone() };
+    let plain = global.format == Format::Text && global.verbose == 0 && !plan.graph;
+    if plain
+        && plan.recipes.recipes.is_empty()
+        && let Some(sealed) = project::sealed(global)
+    {
+        return Done::ok(nothing_to_do(sealed.steps));
+    }
     let loaded = project::load(global, &plan.recipes.recipes)?;
     show(global, &loaded, plan.graph)
 }
@@ -49,9 +58,13 @@ pub(super) fn show(global: &Global, loaded: &Loaded, graph: bool) -> Result<Done
         text += &format!("{:8} {}{}{why}\n", step.state.word(), step.name, if why.is_empty() { "" } else { ": " });
     }
     if text.is_empty() {
-        text = format!("nothing to do: all {} steps are up to date\n", steps.len());
+        text = nothing_to_do(steps.len() as u64);
     }
     Ok(Done { text, success })
+}
+
+pub(super) fn nothing_to_do(steps: u64) -> String {
+    format!("nothing to do: all {steps} steps are up to date\n")
 }
 
 /// The recipes as rules for Ninja, each with its outputs and all that they are made from. Every rule bakes one recipe

@@ -84,7 +84,7 @@ fn look(files: Vec<PathBuf>) -> Looks {
 /// What the recipes depend on, as far as they are right.
 fn known(global: &Global, recipes: &Recipes) -> Vec<PathBuf> {
     let mut files = vec![PathBuf::from("kiln.toml")];
-    let keep_going = Global { keep_going: true, ..global.clone() };
+    let keep_going = Global { keep_going: true, dry_run: true, ..global.clone() };
     if let Ok(loaded) = project::load(&keep_going, &recipes.recipes) {
         files.extend(loaded.graph.files().map(Path::to_path_buf));
         files.extend(loaded.recipe_files);

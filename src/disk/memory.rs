@@ -59,6 +59,11 @@ impl Memory {
         self.state().faults.insert((op, path.into()), kind);
     }
 
+    /// Lets time pass.
+    pub fn pass(&self, time: std::time::Duration) {
+        self.state().now += time.as_millis() as u64;
+    }
+
     /// Removes all faults.
     pub fn mend(&self) {
         self.state().faults.clear();
