@@ -24,7 +24,7 @@ Examples:
   kiln bake
   kiln check --report report.html
 
-Exit codes: 0 done or up to date, 1 a bake or a golden failed, 2 the command or a recipe is wrong.",
+Exit codes: 0 done or up to date, 1 a bake or a golden failed, 2 the command or a recipe is wrong, 130 interrupted.",
     subcommand_required = true,
     arg_required_else_help = true,
     disable_help_subcommand = true

@@ -63,14 +63,14 @@ impl<'a> Scenes<'a> {
             return Ok(files.clone());
         }
         // Before reading: what is written meanwhile has another stamp.
-        let stamp = self.disk.stamp(path).map_err(|e| e.to_string())?;
+        let stamp = self.disk.stamp(path).map_err(|e| e.to_string())?.ok_or("there is no such file")?;
         let known = path.to_str().and_then(|name| self.saved.get(name));
-        let same = known.filter(|s| stamp == Some(Stamp { len: s.len, mtime_ns: s.mtime_ns, inode: s.inode }));
+        let same = known.filter(|s| stamp == Stamp { len: s.len, mtime_ns: s.mtime_ns, inode: s.inode });
         let (stamp, files) = match same {
-            Some(summary) => (stamp, summary.files.clone()),
+            Some(summary) => (Some(stamp), summary.files.clone()),
             None => {
                 self.news = true;
-                let trusted = stamp.filter(|stamp| self.clock.trusts(stamp));
+                let trusted = self.clock.trusts(&stamp).then_some(stamp);
                 let bytes = self.disk.read(path, SCENE_LIMIT).map_err(|e| e.to_string())?;
                 let label = path.to_string_lossy();
                 (trusted, external_files(super::file_name(&label), &bytes).map_err(|e| e.to_string())?)
