@@ -109,12 +109,12 @@ fn nothing_to_do_is_known_by_stamps_alone_and_any_change_is_seen() {
     works("a missing output");
     project.write("out/r0/r0.glb", "scribble");
     works("a changed output");
-    project.write("recipes/e.png", picture(32, 50));
+    project.write("recipes/e.png", picture(16, 50));
     works("a changed sample");
     project.write("kiln.toml", "[defaults.analysis]\njumps = 2\n");
     works("other settings");
     let recipe = String::from_utf8(project.read("recipes/r0.toml")).expect("text");
-    project.write("recipes/r0.toml", recipe.replace("scale = 24.0", "scale = 20.0"));
+    project.write("recipes/r0.toml", recipe.replace("scale = 12.0", "scale = 10.0"));
     works("a changed recipe");
     std::fs::rename(project.path("recipes/r1.toml"), project.path("recipes/other.toml")).expect("a file");
     assert!(project.kiln(&["bake", "--prune"]).expect(0).out.contains("removed out/r1/"), "a renamed recipe");
@@ -205,7 +205,7 @@ fn a_plan_is_rules_for_ninja() {
     assert!(other(&project, "ninja", &[]).contains("no work to do"));
     assert!(project.kiln(&["bake"]).expect(0).out.starts_with("nothing to do"));
     std::thread::sleep(Duration::from_millis(20));
-    project.write("recipes/e.png", picture(32, 1));
+    project.write("recipes/e.png", picture(16, 1));
     let before = project.contents("out");
     other(&project, "ninja", &[]);
     let changed = project.contents("out").iter().filter(|(file, bytes)| before[*file] != **bytes).count();
@@ -246,7 +246,7 @@ fn a_cache_is_carried_to_another_tree_and_kept_small() {
     other.kiln(&["cache", "trim", "--max-size", "20000B"]).expect(0);
     assert!((1..=20_000).contains(&bytes(&other)), "{}", bytes(&other));
     other.write("kiln.toml", "[cache]\nmax_size = 9000\n");
-    other.write("recipes/e.png", picture(32, 77));
+    other.write("recipes/e.png", picture(16, 77));
     other.kiln(&["bake"]).expect(0);
     assert!((1..=9000).contains(&bytes(&other)), "{}", bytes(&other));
     other.kiln(&["cache", "clear"]).expect(0);
@@ -295,7 +295,7 @@ fn a_watch_bakes_what_changes_and_survives_mistakes() {
         let first = project.contents("out");
         assert_eq!(first.len(), 7);
         // Two files at once wake one bake.
-        project.write("recipes/e.png", picture(32, 9));
+        project.write("recipes/e.png", picture(16, 9));
         project.write("recipes/m.obj", common::TETRAHEDRON.replace("v 1 0 0", "v 1.5 0 0"));
         until("the second bake", || waits() == 2);
         let second = project.contents("out");

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant, SystemTime};
 use common::{Project, picture, small_project};
 
 const SAMPLE: &str = "recipes/e.png";
-const SIDE: u32 = 32;
+const SIDE: u32 = 16;
 /// How often the first test kills.
 const KILLS: usize = 200;
 

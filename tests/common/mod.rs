@@ -109,11 +109,12 @@ path = "m.obj"
 [exemplar]
 base_color = "e.png"
 [analysis]
-neighbourhoods = [5, 3]
+neighbourhoods = [3]
 [synthesis]
-scale = 24.0
+scale = 12.0
+refine = 0
 [atlas]
-size = 64
+size = 32
 [uv_sets]
 [[render]]
 view = "turntable-1"
@@ -121,8 +122,7 @@ size = 32
 "#;
 
 /// A flat texture.
-pub const CANVAS_RECIPE: &str =
-    "[canvas]\nsize = [96, 64]\n[exemplar]\nbase_color = 'e.png'\n[analysis]\nneighbourhoods = [5, 3]\n";
+pub const CANVAS_RECIPE: &str = "[canvas]\nsize = [96, 64]\n[exemplar]\nbase_color = 'e.png'\n[analysis]\nneighbourhoods = [3]\n[synthesis]\nrefine = 0\n";
 
 /// A tetrahedron.
 pub const TETRAHEDRON: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
@@ -144,14 +144,11 @@ pub fn picture(side: u32, phase: u32) -> Vec<u8> {
 pub fn small_project(count: usize) -> Project {
     let project = Project::new();
     project.write("recipes/m.obj", TETRAHEDRON);
-    project.write("recipes/e.png", picture(32, 0));
+    project.write("recipes/e.png", picture(16, 0));
     for i in 0..count {
         let recipe = if i % 2 == 0 { MESH_RECIPE } else { CANVAS_RECIPE };
         let seed = format!("seed = {}\n", i + 1);
-        let recipe = match recipe.contains("[synthesis]\n") {
-            true => recipe.replace("[synthesis]\n", &format!("[synthesis]\n{seed}")),
-            false => format!("{recipe}[synthesis]\n{seed}"),
-        };
+        let recipe = recipe.replace("[synthesis]\n", &format!("[synthesis]\n{seed}"));
         project.write(&format!("recipes/r{i}.toml"), recipe);
     }
     project
