@@ -254,6 +254,60 @@ fn a_cache_is_carried_to_another_tree_and_kept_small() {
     project.kiln(&["cache", "import", "nowhere"]).expect(2);
 }
 
+#[test]
+fn every_reason_is_said_in_words_and_the_plan_has_its_shape() {
+    let project = small_project(2);
+    project.kiln(&["bake", "-q"]).expect(0);
+    let recipe = String::from_utf8(project.read("recipes/r0.toml")).expect("text");
+    project.write("recipes/r0.toml", recipe.replace("neighbourhoods = [3]", "neighbourhoods = [5, 3]"));
+    project.write("recipes/m.obj", common::TETRAHEDRON.replace("v 1 0 0", "v 1.5 0 0"));
+    std::fs::remove_file(project.path("out/r1/report.json")).expect("a file");
+    let says = |said: &str, reasons: &[&str]| {
+        for reason in reasons {
+            assert!(said.contains(reason), "{reason} is missing:\n{said}");
+        }
+    };
+    let reasons = [
+        "r0/analyse: `neighbourhoods` changed from [3] to [5, 3]",
+        "r0/surface: recipes/m.obj: content changed",
+        "r1/report: output out/r1/report.json missing",
+    ];
+    says(&project.kiln(&["plan"]).expect(0).out, &reasons);
+    says(&project.kiln(&["bake", "-n", "--explain"]).expect(0).out, &reasons);
+    let plan = project.kiln(&["plan", "--format", "json"]).expect(0).out;
+    let plan: serde_json::Value = serde_json::from_str(&plan).expect("JSON");
+    assert_eq!(plan["version"], 1);
+    let step = plan["steps"].as_array().expect("steps").iter().find(|step| step["name"] == "r0/analyse");
+    let expected = serde_json::json!({
+        "name": "r0/analyse", "kind": "analyse", "state": "run", "inputs": ["r0/maps"], "outputs": [],
+        "reasons": ["`neighbourhoods` changed from [3] to [5, 3]"], "waits_for": [],
+    });
+    assert_eq!(step, Some(&expected));
+    says(&project.kiln(&["bake", "--explain"]).expect(0).err, &reasons[..2]);
+    project.kiln(&["cache", "clear"]).expect(0);
+    std::fs::remove_file(project.path("out/r0/r0.glb")).expect("a file");
+    let lost =
+        ["r0/atlas glb: output out/r0/r0.glb missing; artefact missing from cache", "r0/rasterise: artefact missing"];
+    says(&project.kiln(&["plan"]).expect(0).out, &lost);
+    says(&project.kiln(&["bake", "--explain"]).expect(0).err, &lost);
+}
+
+#[test]
+fn a_terminal_shows_one_line_and_how_long_it_will_take() {
+    let project = small_project(2);
+    let command = format!("{} -C {} bake", env!("CARGO_BIN_EXE_kiln"), project.path("").display());
+    let mut script = Command::new("script");
+    let Ok(ran) = script.args(["-qec", &command, "/dev/null"]).env_remove("CI").stdin(Stdio::null()).output() else {
+        println!("skipped: there is no `script` to make a terminal");
+        return;
+    };
+    let said = String::from_utf8_lossy(&ran.stdout);
+    assert!(said.contains(" to go: r0/") && said.contains("\r\u{1b}[2K["), "{said}");
+    assert!(!said.contains("s  r0/maps"), "no plain lines: {said}");
+    let plain = small_project(2).kiln(&["bake"]).expect(0).err;
+    assert!(plain.contains("s  r0/maps") && !plain.contains("to go"), "{plain}");
+}
+
 /// Waits until something holds; what it was waiting for, in a panic.
 fn until(what: &str, mut holds: impl FnMut() -> bool) {
     let begun = Instant::now();

@@ -162,6 +162,7 @@ impl<'a> Cache<'a> {
         }
         blobs.sort_unstable();
         let mut bytes: u64 = blobs.iter().map(|blob| blob.3).sum();
+        let before = bytes;
         for (used, mtime_ns, _, len, path) in &blobs {
             let old = !used && max_age.is_some_and(|age| mtime_ns + (age.as_nanos() as i128) < now);
             if old || max_bytes.is_some_and(|most| bytes > most) {
@@ -170,7 +171,8 @@ impl<'a> Cache<'a> {
             }
         }
         self.remove_temporaries(now - ABANDONED_NS)?;
-        for (path, key) in self.entries("steps")? {
+        let records = if bytes < before { self.entries("steps")? } else { Vec::new() };
+        for (path, key) in records {
             if self.record(&key).is_none_or(|record| !self.has(&record.artefact, record.len)) {
                 self.disk.remove(&path)?;
             }

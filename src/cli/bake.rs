@@ -31,7 +31,8 @@ pub(super) fn run(global: &Global, bake: &Bake) -> Result<Done, Stop> {
     }
     let report = build(global, &loaded)?;
     let success = report.is_success() && loaded.broken.is_empty();
-    if success && loaded.options.whole_tree && (report.dead_outputs.is_empty() || bake.prune) {
+    let tidy = report.warnings.is_empty() && (report.dead_outputs.is_empty() || bake.prune);
+    if success && tidy && loaded.options.whole_tree {
         project::seal(global, &loaded);
     }
     let text = summary(global, &loaded, &report);

@@ -227,6 +227,12 @@ mod tests {
         assert_eq!(mode(&ours), mode(&plain));
     }
 
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn the_machine_has_memory() {
+        assert!(machine_memory().is_some_and(|bytes| bytes > 64 << 20));
+    }
+
     #[test]
     fn what_is_not_a_file_is_refused_without_waiting() {
         let error = Real.read(Path::new("/dev/zero"), 100).unwrap_err();
