@@ -195,6 +195,27 @@ fn a_read_only_output_folder_is_said() {
 }
 
 #[test]
+fn a_cache_that_may_only_be_read_is_used_as_far_as_it_goes() {
+    let references = references(2, &[0, 90]);
+    let first = small_project(2);
+    first.kiln(&["bake", "-q"]).expect(0);
+    let shared = first.path("shared");
+    let Some(disk) = Mounted::new(&shared, "size=10m") else { return };
+    let shared = shared.display().to_string();
+    first.kiln(&["cache", "export", &shared]).expect(0);
+    disk.again("ro");
+    let project = small_project(2);
+    let bake = || project.kiln(&["bake", "--cache", &shared]).expect(0);
+    assert!(bake().out.contains(" 0 steps run"));
+    assert_eq!(project.contents("out"), references[0]);
+    project.write(SAMPLE, picture(SIDE, 90));
+    let ran = bake();
+    assert!(ran.err.contains("artefacts were not kept"), "{}", ran.err);
+    assert_eq!(project.contents("out"), references[1]);
+    assert!(bake().out.starts_with("nothing to do"));
+}
+
+#[test]
 fn an_input_that_cannot_be_read_is_named() {
     let references = references(2, &[0]);
     let project = small_project(2);

@@ -24,6 +24,8 @@ pub(super) struct Books {
     pub files: Vec<Weak<Vec<u8>>>,
     /// Steps that can start: those on the longest path first, then in the order of the graph.
     pub ready: BTreeSet<(Reverse<u64>, StepId)>,
+    /// How many artefacts are not in the cache, as one may not write there.
+    pub unstored: usize,
     /// How many steps are under way.
     pub running: usize,
     /// Bytes that they are estimated to take.
@@ -104,6 +106,7 @@ impl Books {
             written: vec![None; world.graph.outputs.len()],
             files: world.graph.files.iter().map(|_| Weak::new()).collect(),
             ready: BTreeSet::new(),
+            unstored: 0,
             running: 0,
             memory: 0,
             paths,

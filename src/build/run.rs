@@ -112,6 +112,10 @@ fn run_in(world: &World, progress: &dyn Progress) -> Report {
     progress.begin(needed - to_do, to_do, work.expected());
     let books = work.run();
     let changed = changed_files(world, &survey);
+    if books.unstored > 0 {
+        let (count, path) = (books.unstored, world.options.cache.display());
+        report.warnings.push(format!("{count} artefacts were not kept: {path} may not be written to"));
+    }
     if let Err(error) = write_manifest(world, &survey, &books, &changed, gone) {
         let path = world.options.manifest.display();
         report

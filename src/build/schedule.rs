@@ -17,6 +17,7 @@
 //!
 //! Unaware of: why steps are stale (`survey`), what they do.
 
+use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -243,8 +244,12 @@ impl<'a> Work<'a> {
         let wall_ms = begun.elapsed().as_millis() as u64;
         let artefact = Artefact { digest: Digest::of(&bytes), len: bytes.len() as u64, wall_ms };
         let record = Record { artefact: artefact.digest, len: artefact.len, wall_ms };
-        let stored = self.world.cache.store(key, &record, &bytes);
-        stored.map_err(|source| Failure::Write { what: "the cache".to_string(), source })?;
+        match self.world.cache.store(key, &record, &bytes) {
+            // Somebody else fills it. What is lost for want of room in memory is made again.
+            Err(error) if is_forbidden(&error) => self.lock().unstored += 1,
+            Err(source) => return Err(Failure::Write { what: "the cache".to_string(), source }),
+            Ok(()) => {}
+        }
         if let Some(before) = expected.filter(|before| before.digest != artefact.digest) {
             return Err(Failure::NotDeterministic { before: before.digest, now: artefact.digest });
         }
@@ -311,6 +316,11 @@ pub(super) fn step_report(
         expected: Duration::ZERO,
         thread: 0,
     }
+}
+
+/// Whether one may not write here, ever; a full disk is another matter.
+fn is_forbidden(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem)
 }
 
 fn run_caught(node: &Node, inputs: &Inputs) -> Result<Bytes, Failure> {
