@@ -6,6 +6,9 @@
 //!   files)     keys  '----> plan ---> words, JSON, DOT
 //! ```
 //!
+//! Beside the path: [`seal`] knows a run with nothing to do by stamps alone, `critical` says which steps are urgent, `lend`
+//! takes threads from a make, `dead` finds what should not be there.
+//!
 //! A step's key is the BLAKE3 of its kind, revision, parameters and its inputs' *contents*; its artefact is stored
 //! under that key. So a step runs only if something that it depends on really differs, and a step that gives the same
 //! bytes as before does not wake those after it. The manifest makes the common case cheap: if no stamp moved, nothing
