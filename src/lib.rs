@@ -25,7 +25,7 @@
 //!
 //! - The engine (`build`) knows no texture; the kernels know no engine; `stage` is the only place where they meet.
 //! - `bake` consumes any [`uvset::UvSets`]; it never asks which method made it.
-//! - Each outside crate has one door: clap in `cli`; schemars in `recipe`; image, png, exr and gltf in `io`; rayon in
+//! - Each outside crate has one door: clap and signal-hook in `cli`; schemars in `recipe`; image, png, exr and gltf in `io`; rayon in
 //!   `numerics::par` and `build`; tempfile in `disk`; xatlas in `bake`. `tests/architecture.rs` holds the `use` lines to this.
 //! - Only `disk` touches the file system.
 //! - Same inputs give the same bytes for any thread count, profile and CPU: see [`numerics`].

@@ -27,6 +27,7 @@ const MAY_NAME: &[(&str, &[&str])] = &[
 const DOORS: &[(&str, &[&str])] = &[
     ("clap", &["cli"]),
     ("clap_complete", &["cli"]),
+    ("signal_hook", &["cli/interrupt.rs"]),
     ("annotate_snippets", &["recipe"]),
     ("schemars", &["recipe"]),
     ("rayon", &["numerics/par.rs", "build"]),

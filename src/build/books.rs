@@ -4,6 +4,7 @@
 //!
 //! Unaware of: threads, disk.
 
+use std::cmp::Reverse;
 use std::collections::BTreeSet;
 use std::sync::{Arc, Weak};
 
@@ -21,10 +22,16 @@ pub(super) struct Books {
     pub written: Vec<Option<FileRecord>>,
     /// Contents of input files that some step works with.
     pub files: Vec<Weak<Vec<u8>>>,
-    /// Steps that can start; in the order of the graph.
-    pub ready: BTreeSet<StepId>,
+    /// Steps that can start: those on the longest path first, then in the order of the graph.
+    pub ready: BTreeSet<(Reverse<u64>, StepId)>,
+    /// How many artefacts are not in the cache, as one may not write there.
+    pub unstored: usize,
     /// How many steps are under way.
     pub running: usize,
+    /// Bytes that they are estimated to take.
+    pub memory: u64,
+    /// Length of the longest path through each step, in milliseconds.
+    paths: Vec<u64>,
     /// Start nothing more.
     pub stopped: bool,
     /// Bytes of all strongly held artefacts.
@@ -92,14 +99,17 @@ impl Slot {
 
 impl Books {
     /// Opens the books: what the survey found wanting waits for its inputs.
-    pub fn new(world: &World, survey: &Survey) -> Self {
+    pub fn new(world: &World, survey: &Survey, paths: Vec<u64>) -> Self {
         let count = world.graph.nodes.len();
         let mut books = Books {
             slots: survey.steps.iter().map(Slot::new).collect(),
             written: vec![None; world.graph.outputs.len()],
             files: world.graph.files.iter().map(|_| Weak::new()).collect(),
             ready: BTreeSet::new(),
+            unstored: 0,
             running: 0,
+            memory: 0,
+            paths,
             stopped: false,
             held_bytes: 0,
             readers: vec![Vec::new(); count],
@@ -131,7 +141,7 @@ impl Books {
 
     fn make_ready(&mut self, step: StepId) {
         self.slots[step.index()].phase = Phase::Ready;
-        self.ready.insert(step);
+        self.ready.insert((Reverse(self.paths[step.index()]), step));
     }
 
     fn wake(&mut self, step: StepId) {

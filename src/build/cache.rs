@@ -8,12 +8,15 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use super::codec::{Writer, open_frame};
 use super::digest::Digest;
-use crate::disk::Disk;
+use crate::disk::{Clock, Disk, is_temporary};
 
 const RECORD_MAGIC: &[u8; 8] = b"KILNREC1";
+/// Whatever is unfinished for a day will not be finished: the kiln that wrote it is dead, on whichever machine it ran.
+const ABANDONED_NS: i128 = 86_400 * 1_000_000_000;
 /// A record is 92 bytes; whatever is longer is none.
 const RECORD_LIMIT: u64 = 256;
 
@@ -37,6 +40,15 @@ pub struct Size {
     pub blobs: usize,
     /// Bytes of all artefacts.
     pub bytes: u64,
+}
+
+/// What was copied from one cache to another.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Copied {
+    /// How many records, and what artefacts the other did not have.
+    pub size: Size,
+    /// Entries that were left out, as they are damaged.
+    pub damaged: usize,
 }
 
 /// A cache folder.
@@ -66,6 +78,10 @@ impl<'a> Cache<'a> {
         if !self.has(&record.artefact, record.len) {
             self.disk.write(&self.path("blobs", &record.artefact), artefact)?;
         }
+        self.store_record(key, record)
+    }
+
+    fn store_record(&self, key: &Digest, record: &Record) -> io::Result<()> {
         let mut writer = Writer::new(RECORD_MAGIC);
         writer.digest(key);
         writer.digest(&record.artefact);
@@ -80,11 +96,22 @@ impl<'a> Cache<'a> {
         matches!(stamp, Ok(Some(stamp)) if stamp.len == len)
     }
 
-    /// The bytes of an artefact. A damaged blob is removed and `None` returned, as for a missing one.
+    /// The bytes of an artefact, if they are there and sound.
+    fn peek(&self, artefact: &Digest, len: u64) -> Option<Vec<u8>> {
+        let bytes = self.disk.read(&self.path("blobs", artefact), len).ok()?;
+        (bytes.len() as u64 == len && Digest::of(&bytes) == *artefact).then_some(bytes)
+    }
+
+    /// The bytes of an artefact, which count as used now. A damaged blob is removed and `None` returned, as for a missing
+    /// one.
     pub fn load(&self, artefact: &Digest, len: u64) -> Option<Vec<u8>> {
         let path = self.path("blobs", artefact);
         match self.disk.read(&path, len) {
-            Ok(bytes) if bytes.len() as u64 == len && Digest::of(&bytes) == *artefact => Some(bytes),
+            Ok(bytes) if bytes.len() as u64 == len && Digest::of(&bytes) == *artefact => {
+                // Only the order of trimming hangs on it: a cache that one may only read is as good.
+                let _ = self.disk.touch(&path);
+                Some(bytes)
+            }
             Err(error) if error.kind() == io::ErrorKind::NotFound => None,
             // Too long, too short, other bytes, unreadable: out of the way, so that `store` writes it anew.
             _ => {
@@ -122,30 +149,80 @@ impl<'a> Cache<'a> {
         Ok(damaged)
     }
 
-    /// Removes artefacts, longest unwritten first, until at most `max_bytes` are left, and the records of those
-    /// removed. Returns what is left.
-    pub fn trim(&self, max_bytes: u64) -> io::Result<Size> {
+    /// Removes artefacts that were not used for `max_age`, and those longest not used until at most `max_bytes` are left;
+    /// those in `used` (sorted) go last and do not age. Removes the records of those removed, and what killed runs left
+    /// behind. Returns what is left.
+    pub fn trim(&self, max_bytes: Option<u64>, max_age: Option<Duration>, used: &[Digest]) -> io::Result<Size> {
+        let now = self.now()?;
         let mut blobs = Vec::new();
         for (path, digest) in self.entries("blobs")? {
             if let Some(stamp) = self.disk.stamp(&path)? {
-                blobs.push((stamp.mtime_ns, digest, stamp.len, path));
+                blobs.push((used.binary_search(&digest).is_ok(), stamp.mtime_ns, digest, stamp.len, path));
             }
         }
         blobs.sort_unstable();
-        let mut bytes: u64 = blobs.iter().map(|blob| blob.2).sum();
-        for (_, _, len, path) in &blobs {
-            if bytes <= max_bytes {
-                break;
+        let mut bytes: u64 = blobs.iter().map(|blob| blob.3).sum();
+        let before = bytes;
+        for (used, mtime_ns, _, len, path) in &blobs {
+            let old = !used && max_age.is_some_and(|age| mtime_ns + (age.as_nanos() as i128) < now);
+            if old || max_bytes.is_some_and(|most| bytes > most) {
+                self.disk.remove(path)?;
+                bytes -= len;
             }
-            self.disk.remove(path)?;
-            bytes -= len;
         }
-        for (path, key) in self.entries("steps")? {
+        self.remove_temporaries(now - ABANDONED_NS)?;
+        let records = if bytes < before { self.entries("steps")? } else { Vec::new() };
+        for (path, key) in records {
             if self.record(&key).is_none_or(|record| !self.has(&record.artefact, record.len)) {
                 self.disk.remove(&path)?;
             }
         }
         self.size()
+    }
+
+    /// Copies records and their artefacts, those in `used` (sorted) or all, to another cache. Entries are checked on the
+    /// way; a damaged one is left out.
+    pub fn copy_to(&self, to: &Cache, used: Option<&[Digest]>) -> io::Result<Copied> {
+        let mut copied = Copied::default();
+        for (_, key) in self.entries("steps")? {
+            let Some(record) = self.record(&key) else {
+                copied.damaged += 1;
+                continue;
+            };
+            if used.is_some_and(|used| used.binary_search(&record.artefact).is_err()) {
+                continue;
+            }
+            if !to.has(&record.artefact, record.len) {
+                let Some(bytes) = self.peek(&record.artefact, record.len) else {
+                    copied.damaged += 1;
+                    continue;
+                };
+                copied.size.blobs += 1;
+                copied.size.bytes += record.len;
+                to.store(&key, &record, &bytes)?;
+            } else if to.record(&key) != Some(record) {
+                to.store_record(&key, &record)?;
+            }
+            copied.size.records += 1;
+        }
+        Ok(copied)
+    }
+
+    /// The time by the clock that stamps the files of the cache.
+    fn now(&self) -> io::Result<i128> {
+        let now = Clock::new(self.disk, self.folder.join("clock")).now();
+        now.ok_or_else(|| io::Error::new(io::ErrorKind::PermissionDenied, "cannot be written to"))
+    }
+
+    /// Removes unfinished files of killed runs that are older than this time.
+    fn remove_temporaries(&self, before_ns: i128) -> io::Result<()> {
+        for path in self.disk.list(&self.folder)? {
+            let is_temporary = path.file_name().and_then(|name| name.to_str()).is_some_and(is_temporary);
+            if is_temporary && self.disk.stamp(&path)?.is_some_and(|stamp| stamp.mtime_ns < before_ns) {
+                self.disk.remove(&path)?;
+            }
+        }
+        Ok(())
     }
 
     /// Removes every record and artefact, and nothing else that may lie in the folder.

@@ -5,7 +5,7 @@
 //!
 //! Unaware of: disk, cache, what the steps do.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::{self, Debug};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -34,6 +34,11 @@ pub trait Step: Send + Sync {
     fn revision(&self) -> u32;
     /// The one walk over the parameters, in fixed order: from it come the key and the explanation of a rebuild.
     fn describe(&self, visitor: &mut dyn Visitor);
+    /// About how many bytes the work takes at its peak, of inputs of these lengths and the artefact included: what keeps
+    /// steps from running side by side that do not fit into memory together. Not part of the key.
+    fn memory(&self, inputs: &[u64]) -> u64 {
+        DECODED * inputs.iter().sum::<u64>()
+    }
     /// Does the work. Runs on the engine's pool; loops of `numerics::par` stay on it.
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError>;
     /// What the artefact that was just made came with, in numbers, for the trace of the run.
@@ -41,6 +46,10 @@ pub trait Step: Send + Sync {
         Vec::new()
     }
 }
+
+/// Bytes that a step takes for each byte of its inputs, if it does not know better: them, what is decoded of them, and as
+/// much for what it makes.
+const DECODED: u64 = 4;
 
 /// Shared, immutable bytes of a file or an artefact; cloning copies nothing.
 #[derive(Clone, Debug)]
@@ -266,6 +275,18 @@ impl Graph {
     /// The input files, in the order of adding.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
         self.files.iter().map(PathBuf::as_path)
+    }
+
+    /// The input files of these steps, in the order of adding.
+    pub fn files_of(&self, steps: &[StepId]) -> impl Iterator<Item = &Path> {
+        let sources = steps.iter().flat_map(|step| &self.nodes[step.index()].inputs);
+        let files: BTreeSet<usize> = sources
+            .filter_map(|source| match source {
+                Source::File(file) => Some(*file),
+                Source::Step(_) => None,
+            })
+            .collect();
+        files.into_iter().map(|file| self.files[file].as_path())
     }
 
     /// Looks for names and outputs that are claimed twice and for outputs that are inputs.

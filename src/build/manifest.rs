@@ -15,7 +15,7 @@ use super::digest::Digest;
 use super::graph::{Graph, Source, StepId};
 use crate::disk::Stamp;
 
-const MAGIC: &[u8; 8] = b"KILNMAN1";
+const MAGIC: &[u8; 8] = b"KILNMAN2";
 
 /// Content of a file and the stamp that it had then.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,6 +30,8 @@ pub(super) struct StepRecord<'a> {
     pub key: Digest,
     pub artefact: Digest,
     pub len: u64,
+    /// How long the step took.
+    pub wall_ms: u64,
     /// What the key was made of: an encoded [`Detail`].
     detail: &'a [u8],
 }
@@ -78,6 +80,25 @@ impl<'a, T> Table<'a, T> {
         let at = sorted.binary_search_by_key(&name, |&index| self.rows[index as usize].0).ok()?;
         Some(&self.rows[sorted[at] as usize].1)
     }
+
+    /// The rows.
+    pub fn rows(&self) -> impl Iterator<Item = &T> {
+        self.rows.iter().map(|row| &row.1)
+    }
+
+    /// The rows, with their names, of things that are none of the `count` that `name` tells.
+    pub fn others<'s, 'n>(
+        &'s self,
+        count: usize,
+        name: &dyn Fn(usize) -> &'n [u8],
+    ) -> impl Iterator<Item = (&'a [u8], &'s T)> {
+        // Mostly they are the same, in the same order.
+        let same = count == self.rows.len() && (0..count).all(|index| self.rows[index].0 == name(index));
+        let mut ours: Vec<&[u8]> = if same { Vec::new() } else { (0..count).map(name).collect() };
+        ours.sort_unstable();
+        let rows = if same { &[][..] } else { &self.rows[..] };
+        rows.iter().filter(move |row| ours.binary_search(&row.0).is_err()).map(|row| (row.0, &row.1))
+    }
 }
 
 /// A parsed manifest, borrowing from the file's bytes.
@@ -94,8 +115,9 @@ impl<'a> Manifest<'a> {
         let mut reader = open_frame(MAGIC, frame)?;
         let file = |reader: &mut Reader<'a>| Some(FileRecord { stamp: reader.stamp()?, digest: reader.digest()? });
         let step = |reader: &mut Reader<'a>| {
-            let (key, artefact, len) = (reader.digest()?, reader.digest()?, reader.u64()?);
-            Some(StepRecord { key, artefact, len, detail: reader.bytes()? })
+            let (key, artefact) = (reader.digest()?, reader.digest()?);
+            let (len, wall_ms) = (reader.u64()?, reader.u64()?);
+            Some(StepRecord { key, artefact, len, wall_ms, detail: reader.bytes()? })
         };
         let files = Table::read(&mut reader, file)?;
         let steps = Table::read(&mut reader, step)?;
@@ -120,6 +142,11 @@ impl<'a> Manifest<'a> {
 }
 
 impl<'a> StepRecord<'a> {
+    /// The step's kind; `None` only if the manifest was made up.
+    pub fn kind(&self) -> Option<&'a str> {
+        Reader(self.detail).text()
+    }
+
     /// What the key was made of; `None` only if the manifest was made up.
     pub fn detail(&self) -> Option<Detail<'a>> {
         let mut reader = Reader(self.detail);
@@ -140,6 +167,7 @@ pub(super) struct NewStep {
     pub key: Digest,
     pub artefact: Digest,
     pub len: u64,
+    pub wall_ms: u64,
     pub inputs: Vec<Digest>,
 }
 
@@ -158,8 +186,10 @@ pub(super) struct Update {
     pub files: Vec<Entry<FileRecord>>,
     pub steps: Vec<Entry<NewStep>>,
     pub outputs: Vec<Entry<FileRecord>>,
-    /// Keep the records of things that are not in the graph.
+    /// Keep the records of files and steps that are not in the graph.
     pub keep_others: bool,
+    /// Keep the records of outputs that are not in the graph, but for these.
+    pub forget_outputs: Vec<Vec<u8>>,
 }
 
 /// Encodes the manifest: things of the graph in its order, so that they are found by index, then the others.
@@ -170,25 +200,25 @@ pub(super) fn encode(graph: &Graph, old: &Manifest, update: &Update) -> Vec<u8> 
         &mut writer,
         &old.files,
         &update.files,
-        update.keep_others,
+        &|_| update.keep_others,
         &path,
         &|writer, _, row| file_row(writer, row),
         &file_row,
     );
     let name = |index: usize| graph.nodes[index].name.as_bytes();
     let new_step = |writer: &mut Writer, index: usize, row: &NewStep| {
-        step_row(writer, &row.key, &row.artefact, row.len, &detail(graph, index, &row.inputs));
+        step_row(writer, (&row.key, &row.artefact), (row.len, row.wall_ms), &detail(graph, index, &row.inputs));
     };
     let old_step = |writer: &mut Writer, row: &StepRecord| {
-        step_row(writer, &row.key, &row.artefact, row.len, row.detail);
+        step_row(writer, (&row.key, &row.artefact), (row.len, row.wall_ms), row.detail);
     };
-    table(&mut writer, &old.steps, &update.steps, update.keep_others, &name, &new_step, &old_step);
+    table(&mut writer, &old.steps, &update.steps, &|_| update.keep_others, &name, &new_step, &old_step);
     let path = |index: usize| graph.outputs[index].path.as_os_str().as_encoded_bytes();
     table(
         &mut writer,
         &old.outputs,
         &update.outputs,
-        update.keep_others,
+        &|name| update.forget_outputs.iter().all(|gone| gone != name),
         &path,
         &|writer, _, row| file_row(writer, row),
         &file_row,
@@ -200,7 +230,7 @@ fn table<'g, New, Old>(
     writer: &mut Writer,
     old: &Table<'_, Old>,
     entries: &[Entry<New>],
-    keep_others: bool,
+    keep: &dyn Fn(&[u8]) -> bool,
     name: &dyn Fn(usize) -> &'g [u8],
     new_row: &dyn Fn(&mut Writer, usize, &New),
     old_row: &dyn Fn(&mut Writer, &Old),
@@ -220,14 +250,10 @@ fn table<'g, New, Old>(
             _ => {}
         }
     }
-    if keep_others {
-        let mut ours: Vec<&[u8]> = (0..entries.len()).map(name).collect();
-        ours.sort_unstable();
-        for (name, row) in old.rows.iter().filter(|row| ours.binary_search(&row.0).is_err()) {
-            count += 1;
-            rows.bytes(name);
-            old_row(&mut rows, row);
-        }
+    for (name, row) in old.others(entries.len(), name).filter(|row| keep(row.0)) {
+        count += 1;
+        rows.bytes(name);
+        old_row(&mut rows, row);
     }
     writer.u32(count);
     writer.raw(&rows.into_part());
@@ -238,10 +264,11 @@ fn file_row(writer: &mut Writer, row: &FileRecord) {
     writer.digest(&row.digest);
 }
 
-fn step_row(writer: &mut Writer, key: &Digest, artefact: &Digest, len: u64, detail: &[u8]) {
+fn step_row(writer: &mut Writer, (key, artefact): (&Digest, &Digest), (len, wall_ms): (u64, u64), detail: &[u8]) {
     writer.digest(key);
     writer.digest(artefact);
     writer.u64(len);
+    writer.u64(wall_ms);
     writer.bytes(detail);
 }
 

@@ -4,8 +4,11 @@
 
 use std::fmt;
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use super::graph::GraphError;
+use crate::disk::Jobserver;
 
 /// How to plan and run a graph.
 #[derive(Clone, Debug)]
@@ -20,6 +23,17 @@ pub struct Options {
     pub force: bool,
     /// The graph holds everything that is ever built here: records of other steps are forgotten.
     pub whole_tree: bool,
+    /// Remove the outputs of recipes that are gone; needs `whole_tree`. Else they are only reported.
+    pub prune: bool,
+    /// An earlier run was killed: remove what it left unfinished, that is what is older than this time of the file system
+    /// in nanoseconds since 1970. Nobody else may have been at work here then.
+    pub clean: Option<i128>,
+    /// Steps start only while the estimates of those under way are below so many bytes together; one always may.
+    pub memory: u64,
+    /// Set by whoever wants the run to end: no further step starts, and what is done is kept.
+    pub interrupt: Arc<AtomicBool>,
+    /// Who lends threads beyond the first; without one all `jobs` are ours.
+    pub jobserver: Option<Arc<Jobserver>>,
     /// Folder of the cache.
     pub cache: PathBuf,
     /// File of the manifest; a file `clock` beside it tells the file system's time.
@@ -38,6 +52,11 @@ impl Default for Options {
             dry_run: false,
             force: false,
             whole_tree: false,
+            prune: false,
+            clean: None,
+            memory: u64::MAX,
+            interrupt: Arc::default(),
+            jobserver: None,
             cache: PathBuf::from(".kiln/cache"),
             manifest: PathBuf::from(".kiln/manifest"),
             hold_bytes: 1 << 30,

@@ -21,8 +21,8 @@ use serde_json::{Value, json};
 use super::graph::{Graph, Source, StepId};
 use super::options::{Error, Options};
 use super::run::in_world;
-use super::survey::{Clock, Verdict, World, survey};
-use crate::disk::Disk;
+use super::survey::{Verdict, World, survey};
+use crate::disk::{Clock, Disk};
 
 /// A step and what would be done about it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -66,7 +66,7 @@ pub enum State {
 /// Plans `targets` (all steps, if there are none). Writes nothing; hashes only files whose stamp moved.
 pub fn plan(graph: &Graph, targets: &[StepId], options: &Options, disk: &dyn Disk) -> Result<Vec<PlannedStep>, Error> {
     in_world(graph, targets, options, disk, |world| {
-        let verdicts = survey(world, Clock::Ignore).steps;
+        let verdicts = survey(world, &Clock::stopped(disk)).steps;
         let planned =
             verdicts.into_iter().enumerate().filter_map(|(index, verdict)| planned_step(world, index, verdict));
         planned.collect()

@@ -19,6 +19,10 @@ pub struct Report {
     pub outputs: Vec<OutputReport>,
     /// Input files that changed while the run went on. What was made is right for what was read; run again.
     pub changed_inputs: Vec<PathBuf>,
+    /// Outputs of recipes that are gone, as they were written: still there, or removed if that was asked for.
+    pub dead_outputs: Vec<PathBuf>,
+    /// The run was asked to end before all was done.
+    pub interrupted: bool,
     /// What went wrong without harm to the outputs.
     pub warnings: Vec<String>,
     /// Time of the whole run.
@@ -44,6 +48,8 @@ pub struct StepReport {
     pub start: Duration,
     /// How long it took, reading and writing included.
     pub duration: Duration,
+    /// How long it was expected to take, by what it or others of its kind took before.
+    pub expected: Duration,
     /// Which thread worked on it, from 0.
     pub thread: usize,
     /// What the step counted, if it ran.
@@ -175,8 +181,9 @@ fn chain(error: &dyn std::error::Error) -> String {
 
 /// Hears of a run while it goes on; called from all its threads.
 pub trait Progress: Sync {
-    /// The survey is done: so many steps are up to date, so many may have to run.
-    fn begin(&self, _up_to_date: usize, _to_do: usize) {}
+    /// The survey is done: so many steps are up to date, so many may have to run, which is expected to take so much time
+    /// of one thread.
+    fn begin(&self, _up_to_date: usize, _to_do: usize, _expected: Duration) {}
     /// A step runs now, for these reasons.
     fn start(&self, _step: &str, _reasons: &[String]) {}
     /// A step that was to do is done: ran, restored, failed, or up to date after all.

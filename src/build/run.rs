@@ -2,17 +2,22 @@
 //!
 //! Unaware of: what steps do.
 
-use std::time::Instant;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
 
 use super::books::{Books, Phase, Slot, input_digests};
 use super::cache::Cache;
+use super::dead::{Dead, remove_unfinished, sweep};
+use super::digest::Digest;
 use super::graph::{Graph, StepId};
+use super::lend::lend;
 use super::manifest::{Entry, FileRecord, Manifest, NewStep, Update, encode};
 use super::options::{Error, Options};
 use super::report::{Failure, Outcome, OutputReport, Progress, Report, StepReport};
 use super::schedule::{Work, step_report};
-use super::survey::{Clock, Seen, Survey, Verdict, World, survey};
-use crate::disk::Disk;
+use super::survey::{Artefact, Seen, Survey, Verdict, World, survey};
+use crate::disk::{Clock, Disk};
 use crate::numerics::par;
 
 /// A manifest of this size would hold tens of millions of steps.
@@ -34,6 +39,22 @@ pub fn run(
     in_world(graph, targets, options, disk, |world| run_in(world, progress))
 }
 
+/// Digests of all artefacts that the manifest tells of, sorted: what the outputs here are made from.
+pub fn artefacts(options: &Options, disk: &dyn Disk) -> Vec<Digest> {
+    with_manifest(options, disk, |manifest| {
+        let mut digests: Vec<Digest> = manifest.steps.rows().map(|record| record.artefact).collect();
+        digests.sort_unstable();
+        digests.dedup();
+        digests
+    })
+}
+
+/// Calls `work` with the manifest; an empty one, if it cannot be read.
+pub(super) fn with_manifest<R>(options: &Options, disk: &dyn Disk, work: impl FnOnce(&Manifest) -> R) -> R {
+    let bytes = disk.read(&options.manifest, MANIFEST_LIMIT).unwrap_or_default();
+    work(&Manifest::parse(&bytes).unwrap_or_default())
+}
+
 /// Checks the graph, reads the manifest and calls `work` on a pool of `jobs` threads.
 pub(super) fn in_world<R: Send>(
     graph: &Graph,
@@ -46,34 +67,56 @@ pub(super) fn in_world<R: Send>(
     let bytes = disk.read(&options.manifest, MANIFEST_LIMIT).unwrap_or_default();
     let manifest = Manifest::parse(&bytes).unwrap_or_default();
     let cache = Cache::new(disk, &options.cache);
-    let world = World { graph, disk, options, cache, manifest, needed: graph.needed(targets) };
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(options.jobs.max(1)).stack_size(STACK_BYTES).build();
-    Ok(pool.map_err(|error| Error::Threads(Box::new(error)))?.install(|| work(&world)))
+    let jobs = options.jobs.max(1);
+    let threads = Arc::new(AtomicUsize::new(if options.jobserver.is_some() { 1 } else { jobs }));
+    let world =
+        World { graph, disk, options, cache, manifest, needed: graph.needed(targets), threads: threads.clone() };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).stack_size(STACK_BYTES).build();
+    let pool = pool.map_err(|error| Error::Threads(Box::new(error)))?;
+    let one_more = move || {
+        threads.fetch_add(1, Ordering::Relaxed);
+    };
+    let _lending = options.jobserver.clone().map(|jobserver| lend(&pool, jobserver, one_more));
+    Ok(pool.install(|| work(&world)))
 }
 
 fn run_in(world: &World, progress: &dyn Progress) -> Report {
     let begun = Instant::now();
     let dry = world.options.dry_run;
-    let survey = survey(world, if dry { Clock::Ignore } else { Clock::Ask });
+    let probe = world.options.manifest.with_file_name("clock");
+    let clock = if dry { Clock::stopped(world.disk) } else { Clock::new(world.disk, probe) };
+    let survey = survey(world, &clock);
     let to_do =
         survey.steps.iter().filter(|verdict| !matches!(verdict, Verdict::UpToDate(_) | Verdict::Ignored)).count();
     let needed = world.needed.iter().filter(|needed| **needed).count();
-    progress.begin(needed - to_do, to_do);
+    if let Some(before_ns) = world.options.clean.filter(|_| !dry) {
+        remove_unfinished(world, before_ns);
+    }
+    let Dead { found, gone, warnings } = sweep(world);
     let mut report = Report {
         steps: Vec::with_capacity(needed),
         outputs: Vec::new(),
         changed_inputs: Vec::new(),
-        warnings: Vec::new(),
+        dead_outputs: found,
+        interrupted: false,
+        warnings,
         elapsed: begun.elapsed(),
     };
-    if dry || (to_do == 0 && !survey.moved) {
+    if dry || (to_do == 0 && !survey.moved && gone.is_empty()) {
+        progress.begin(needed - to_do, to_do, Duration::ZERO);
         report.steps = report_survey(world, &survey);
         report_outputs(world, |output| survey.outputs[output].digest(), |_| false, &mut report);
         return report;
     }
-    let books = Work::new(world, &survey, progress, begun).run();
+    let work = Work::new(world, &survey, progress, begun);
+    progress.begin(needed - to_do, to_do, work.expected());
+    let books = work.run();
     let changed = changed_files(world, &survey);
-    if let Err(error) = write_manifest(world, &survey, &books, &changed) {
+    if books.unstored > 0 {
+        let (count, path) = (books.unstored, world.options.cache.display());
+        report.warnings.push(format!("{count} artefacts were not kept: {path} may not be written to"));
+    }
+    if let Err(error) = write_manifest(world, &survey, &books, &changed, gone) {
         let path = world.options.manifest.display();
         report
             .warnings
@@ -87,6 +130,7 @@ fn run_in(world: &World, progress: &dyn Progress) -> Report {
     };
     report_outputs(world, digest_of, |output| books.written[output].is_some(), &mut report);
     report_steps(world, books.slots, &mut report);
+    report.interrupted = world.options.interrupt.load(Ordering::Relaxed) && !report.is_success();
     report.elapsed = begun.elapsed();
     report
 }
@@ -99,7 +143,13 @@ fn changed_files(world: &World, survey: &Survey) -> Vec<bool> {
     })
 }
 
-fn write_manifest(world: &World, survey: &Survey, books: &Books, changed: &[bool]) -> std::io::Result<()> {
+fn write_manifest(
+    world: &World,
+    survey: &Survey,
+    books: &Books,
+    changed: &[bool],
+    forget_outputs: Vec<Vec<u8>>,
+) -> std::io::Result<()> {
     let graph = world.graph;
     let files = survey.files.iter().zip(changed).map(|(seen, changed)| match seen.record() {
         Some(record) => Entry::New(FileRecord { stamp: record.stamp.filter(|_| !changed), ..record }),
@@ -116,6 +166,7 @@ fn write_manifest(world: &World, survey: &Survey, books: &Books, changed: &[bool
         steps: steps.collect(),
         outputs: outputs.collect(),
         keep_others: !world.options.whole_tree,
+        forget_outputs,
     };
     world.disk.write(&world.options.manifest, &encode(graph, &world.manifest, &update))
 }
@@ -130,7 +181,8 @@ fn step_entry(world: &World, survey: &Survey, slots: &[Slot], step: StepId) -> E
     match (slot.phase, slot.artefact, input_digests(world, survey, slots, step)) {
         (Phase::Done, Some(artefact), Some(inputs)) => {
             let key = world.graph.key(step, &inputs);
-            Entry::New(NewStep { key, artefact: artefact.digest, len: artefact.len, inputs })
+            let Artefact { digest, len, wall_ms } = artefact;
+            Entry::New(NewStep { key, artefact: digest, len, wall_ms, inputs })
         }
         _ => Entry::Old,
     }

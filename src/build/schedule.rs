@@ -9,20 +9,23 @@
 //! A step that gets its turn first computes its key: what the cache knows under it need not run (early cut-off).
 //! The books are behind one lock that is never held while anything is read, run or written. At most `jobs` steps are
 //! under way: a thread that waits inside a step for a parallel loop may take up another step meanwhile, and the bound
-//! keeps its stack shallow. Ready steps start in the order of the graph, recipe by recipe, so that artefacts are
-//! released early.
+//! keeps its stack shallow. Ready steps start by the length of the longest path through them (`critical`), and none while
+//! the next would not fit into memory beside those under way: a step alone has all threads for its loops.
 //!
 //! Only bytes of the surveyed digest are given to a step, so a file that changes meanwhile cannot get a wrong artefact
 //! into the cache.
 //!
 //! Unaware of: why steps are stale (`survey`), what they do.
 
+use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::books::{Books, Phase, input_digests};
 use super::cache::Record;
+use super::critical;
 use super::digest::Digest;
 use super::explain;
 use super::graph::{Bytes, Inputs, Node, Source, StepId};
@@ -37,6 +40,7 @@ pub(super) struct Work<'a> {
     progress: &'a dyn Progress,
     begun: Instant,
     books: Mutex<Books>,
+    expected_ms: Vec<u64>,
 }
 
 /// What a thread needs to know to work on a step.
@@ -45,6 +49,7 @@ struct Task {
     inputs: Vec<Digest>,
     rebuild: bool,
     expected: Option<Artefact>,
+    memory: u64,
 }
 
 /// How a task ended.
@@ -65,7 +70,14 @@ enum End {
 
 impl<'a> Work<'a> {
     pub fn new(world: &'a World<'a>, survey: &'a Survey, progress: &'a dyn Progress, begun: Instant) -> Self {
-        Work { world, survey, progress, begun, books: Mutex::new(Books::new(world, survey)) }
+        let expected_ms = critical::expected_ms(world, survey);
+        let books = Books::new(world, survey, critical::paths(world, &expected_ms));
+        Work { world, survey, progress, begun, books: Mutex::new(books), expected_ms }
+    }
+
+    /// How long one thread would be expected to work.
+    pub fn expected(&self) -> Duration {
+        Duration::from_millis(self.expected_ms.iter().sum())
     }
 
     /// Runs until nothing more can be done; call it on the pool.
@@ -82,9 +94,9 @@ impl<'a> Work<'a> {
         while let Some(task) = self.next() {
             scope.spawn(move |scope| {
                 let start = self.begun.elapsed();
-                let step = task.step;
+                let (step, memory) = (task.step, task.memory);
                 let end = self.attempt(task);
-                self.settle(step, end, start);
+                self.settle(step, end, start, memory);
                 self.dispatch(scope);
             });
         }
@@ -92,23 +104,41 @@ impl<'a> Work<'a> {
 
     fn next(&self) -> Option<Task> {
         let mut books = self.lock();
-        if books.stopped || books.running >= self.world.options.jobs.max(1) {
+        books.stopped |= self.world.options.interrupt.load(Ordering::Relaxed);
+        if books.stopped || books.running >= self.world.threads.load(Ordering::Relaxed) {
             return None;
         }
-        let step = books.ready.pop_first()?;
+        let &(_, step) = books.ready.first()?;
+        let memory = self.memory(&books, step);
+        if books.running > 0 && books.memory.saturating_add(memory) > self.world.options.memory {
+            return None;
+        }
+        books.ready.pop_first();
         books.running += 1;
+        books.memory += memory;
         let slot = &mut books.slots[step.index()];
         slot.phase = Phase::Running;
         let (rebuild, expected) = (slot.rebuild, slot.artefact);
         let inputs = input_digests(self.world, self.survey, &books.slots, step);
         debug_assert!(inputs.is_some(), "a step is ready only when its inputs are known");
         let inputs = inputs.unwrap_or_default();
-        Some(Task { step, inputs, rebuild, expected })
+        Some(Task { step, inputs, rebuild, expected, memory })
+    }
+
+    /// What a step says that it takes.
+    fn memory(&self, books: &Books, step: StepId) -> u64 {
+        let node = &self.world.graph.nodes[step.index()];
+        let len = |source: &Source| match source {
+            Source::File(file) => self.survey.files[*file].len(),
+            Source::Step(input) => books.slots[input.index()].artefact.map_or(0, |artefact| artefact.len),
+        };
+        // A step that overflows the sum would not fit beside anything either.
+        node.step.memory(&node.inputs.iter().map(len).collect::<Vec<u64>>()).min(u64::MAX / 4096)
     }
 
     /// Finds the artefact in the cache or makes it, and writes its outputs.
     fn attempt(&self, task: Task) -> End {
-        let Task { step, inputs, rebuild, mut expected } = task;
+        let Task { step, inputs, rebuild, mut expected, .. } = task;
         let key = self.world.graph.key(step, &inputs);
         let mut reasons = match &self.survey.steps[step.index()] {
             Verdict::Run(_, reasons) | Verdict::Restore(_, reasons) => reasons.clone(),
@@ -211,11 +241,15 @@ impl<'a> Work<'a> {
         let begun = Instant::now();
         let bytes = run_caught(node, &inputs)?;
         drop(inputs);
-        let artefact = Artefact { digest: Digest::of(&bytes), len: bytes.len() as u64 };
         let wall_ms = begun.elapsed().as_millis() as u64;
+        let artefact = Artefact { digest: Digest::of(&bytes), len: bytes.len() as u64, wall_ms };
         let record = Record { artefact: artefact.digest, len: artefact.len, wall_ms };
-        let stored = self.world.cache.store(key, &record, &bytes);
-        stored.map_err(|source| Failure::Write { what: "the cache".to_string(), source })?;
+        match self.world.cache.store(key, &record, &bytes) {
+            // Somebody else fills it. What is lost for want of room in memory is made again.
+            Err(error) if is_forbidden(&error) => self.lock().unstored += 1,
+            Err(source) => return Err(Failure::Write { what: "the cache".to_string(), source }),
+            Ok(()) => {}
+        }
         if let Some(before) = expected.filter(|before| before.digest != artefact.digest) {
             return Err(Failure::NotDeterministic { before: before.digest, now: artefact.digest });
         }
@@ -237,7 +271,7 @@ impl<'a> Work<'a> {
     }
 
     /// Enters a task's end into the books, which wakes whoever waits for it.
-    fn settle(&self, step: StepId, end: End, start: Duration) {
+    fn settle(&self, step: StepId, end: End, start: Duration, memory: u64) {
         let node = &self.world.graph.nodes[step.index()];
         let counters = match &end {
             End::Done { bytes: Some(bytes), outcome: Outcome::Ran, .. } => node.step.counters(bytes),
@@ -245,6 +279,7 @@ impl<'a> Work<'a> {
         };
         let mut books = self.lock();
         books.running -= 1;
+        books.memory -= memory;
         let (artefact, outcome, reasons) = match end {
             End::Lost(inputs) => return books.wait_for_rebuilds(self.world, step, &inputs),
             End::Done { artefact, bytes, outcome, reasons } => {
@@ -261,6 +296,7 @@ impl<'a> Work<'a> {
         report.counters = counters;
         report.start = start;
         report.duration = self.begun.elapsed().saturating_sub(start);
+        report.expected = Duration::from_millis(self.expected_ms[step.index()]);
         report.thread = rayon::current_thread_index().unwrap_or(0);
         self.progress.done(&report);
         self.lock().slots[step.index()].report = Some(report);
@@ -283,9 +319,15 @@ pub(super) fn step_report(
         len: artefact.map_or(0, |artefact| artefact.len),
         start: Duration::ZERO,
         duration: Duration::ZERO,
+        expected: Duration::ZERO,
         thread: 0,
         counters: Vec::new(),
     }
+}
+
+/// Whether one may not write here, ever; a full disk is another matter.
+fn is_forbidden(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem)
 }
 
 fn run_caught(node: &Node, inputs: &Inputs) -> Result<Bytes, Failure> {

@@ -13,18 +13,17 @@
 use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicUsize;
 
-use super::cache::Cache;
+use super::cache::{Cache, Record};
 use super::digest::Digest;
 use super::explain;
 use super::graph::{Graph, Source, StepId};
 use super::manifest::{FileRecord, Manifest};
 use super::options::Options;
-use crate::disk::{Disk, Stamp};
+use crate::disk::{Clock, Disk, Stamp};
 use crate::numerics::par;
-
-/// Two edits this close may share one time stamp (FAT counts in steps of two seconds).
-const COARSEST_CLOCK_NS: i128 = 2_000_000_000;
 
 /// Everything that is the same throughout one run.
 pub(super) struct World<'a> {
@@ -34,6 +33,8 @@ pub(super) struct World<'a> {
     pub cache: Cache<'a>,
     pub manifest: Manifest<'a>,
     pub needed: Vec<bool>,
+    /// How many threads there are by now: a jobserver lends them one by one.
+    pub threads: Arc<AtomicUsize>,
 }
 
 /// A file as it was found.
@@ -57,6 +58,14 @@ impl Seen {
         }
     }
 
+    /// Length of the content in bytes; 0 if there is none.
+    pub fn len(&self) -> u64 {
+        match self {
+            Seen::Known { stamp, .. } => stamp.len,
+            _ => 0,
+        }
+    }
+
     /// What to remember of it.
     pub fn record(&self) -> Option<FileRecord> {
         match self {
@@ -73,6 +82,8 @@ impl Seen {
 pub(super) struct Artefact {
     pub digest: Digest,
     pub len: u64,
+    /// How long its step took.
+    pub wall_ms: u64,
 }
 
 /// What the survey says of a step.
@@ -115,15 +126,8 @@ pub(super) struct Survey {
     pub moved: bool,
 }
 
-/// Whether the survey may write the file that tells the file system's time.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Clock {
-    Ask,
-    Ignore,
-}
-
 /// Looks at files, outputs and keys.
-pub(super) fn survey(world: &World, clock: Clock) -> Survey {
+pub(super) fn survey(world: &World, clock: &Clock) -> Survey {
     let graph = world.graph;
     let mut files_needed = vec![false; graph.files.len()];
     for (node, _) in graph.nodes.iter().zip(&world.needed).filter(|(_, needed)| **needed) {
@@ -158,7 +162,7 @@ struct Look<'a> {
 }
 
 /// Stamps all, reads and hashes those whose stamp is not the recorded one; also returns whether there were any.
-fn look_at(world: &World, looks: &[Option<Look>], clock: Clock) -> (Vec<Seen>, bool) {
+fn look_at(world: &World, looks: &[Option<Look>], clock: &Clock) -> (Vec<Seen>, bool) {
     let mut seen = par::map(looks.len(), |index| {
         let Some(look) = &looks[index] else { return (Seen::Ignored, None) };
         match world.disk.stamp(look.path) {
@@ -173,15 +177,13 @@ fn look_at(world: &World, looks: &[Option<Look>], clock: Clock) -> (Vec<Seen>, b
         }
     });
     let moved: Vec<(usize, Stamp)> = seen.iter().filter_map(|(_, moved)| *moved).collect();
-    let now = if moved.is_empty() || clock == Clock::Ignore { None } else { file_system_time(world) };
+    // Now, before anything is read.
+    let _ = if moved.is_empty() { None } else { clock.now() };
     let hashed = par::map_chunks(moved.len(), 1, |range| {
         let (index, stamp) = moved[range.start];
         let Some(look) = &looks[index] else { return Seen::Ignored };
         match world.disk.read(look.path, world.options.file_limit) {
-            Ok(bytes) => {
-                let trusted = now.is_some_and(|now| stamp.mtime_ns + COARSEST_CLOCK_NS <= now);
-                Seen::Known { stamp, trusted, digest: Digest::of(&bytes) }
-            }
+            Ok(bytes) => Seen::Known { stamp, trusted: clock.trusts(&stamp), digest: Digest::of(&bytes) },
             Err(error) if error.kind() == io::ErrorKind::NotFound => Seen::Missing,
             Err(error) => Seen::Faulty(error.to_string()),
         }
@@ -190,13 +192,6 @@ fn look_at(world: &World, looks: &[Option<Look>], clock: Clock) -> (Vec<Seen>, b
         seen[*index].0 = found;
     }
     (seen.into_iter().map(|(found, _)| found).collect(), !moved.is_empty())
-}
-
-/// The time by the clock that stamps files here; `None` if it cannot be had, and then no new stamp is trusted.
-fn file_system_time(world: &World) -> Option<i128> {
-    let probe = world.options.manifest.with_file_name("clock");
-    world.disk.write(&probe, b"").ok()?;
-    Some(world.disk.stamp(&probe).ok()??.mtime_ns)
 }
 
 fn judge(world: &World, survey: &mut Survey, step: StepId) -> Verdict {
@@ -251,9 +246,10 @@ fn judge_by_key(world: &World, survey: &mut Survey, step: StepId, inputs: &[Dige
 /// The artefact that `key` gave before, by the manifest or by the cache.
 pub(super) fn find_artefact(world: &World, step: StepId, key: &Digest) -> Option<Artefact> {
     if let Some(record) = world.manifest.step(world.graph, step).filter(|record| record.key == *key) {
-        return Some(Artefact { digest: record.artefact, len: record.len });
+        return Some(Artefact { digest: record.artefact, len: record.len, wall_ms: record.wall_ms });
     }
-    world.cache.record(key).map(|record| Artefact { digest: record.artefact, len: record.len })
+    let of = |record: Record| Artefact { digest: record.artefact, len: record.len, wall_ms: record.wall_ms };
+    world.cache.record(key).map(of)
 }
 
 /// Outputs of a step that do not hold its artefact.

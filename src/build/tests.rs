@@ -550,10 +550,10 @@ fn trimming_starts_with_the_oldest() {
         assert_eq!(cache.record(key), Some(record));
         disk.tick();
     }
-    assert_eq!(cache.trim(18).unwrap(), Size { records: 3, blobs: 3, bytes: 18 });
-    assert_eq!(cache.trim(17).unwrap(), Size { records: 2, blobs: 2, bytes: 12 });
+    assert_eq!(cache.trim(Some(18), None, &[]).unwrap(), Size { records: 3, blobs: 3, bytes: 18 });
+    assert_eq!(cache.trim(Some(17), None, &[]).unwrap(), Size { records: 2, blobs: 2, bytes: 12 });
     assert_eq!(keys.map(|key| cache.record(&key).is_some()), [false, true, true]);
-    assert_eq!(cache.trim(0).unwrap(), Size::default());
+    assert_eq!(cache.trim(Some(0), None, &[]).unwrap(), Size::default());
 }
 
 #[test]

@@ -72,6 +72,13 @@ impl MemoryDisk {
 }
 
 impl Disk for MemoryDisk {
+    fn touch(&self, path: &Path) -> io::Result<()> {
+        let mut files = self.files.lock().unwrap();
+        let (_, stamp) = files.get_mut(path).ok_or(io::ErrorKind::NotFound)?;
+        stamp.mtime_ns = i128::from(self.now_ms.fetch_add(1, Ordering::Relaxed)) * 1_000_000 + 1;
+        Ok(())
+    }
+
     fn read(&self, path: &Path, limit: u64) -> io::Result<Vec<u8>> {
         let hook = self.before_read.lock().unwrap().clone();
         if let Some(hook) = hook {

@@ -10,6 +10,7 @@ use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum, ValueHint};
 use std::num::NonZeroUsize;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// The command line.
 #[derive(Clone, Debug, Parser)]
@@ -23,7 +24,7 @@ Examples:
   kiln bake
   kiln check --report report.html
 
-Exit codes: 0 done or up to date, 1 a bake or a golden failed, 2 the command or a recipe is wrong.",
+Exit codes: 0 done or up to date, 1 a bake or a golden failed, 2 the command or a recipe is wrong, 130 interrupted.",
     subcommand_required = true,
     arg_required_else_help = true,
     disable_help_subcommand = true
@@ -47,7 +48,14 @@ pub struct Global {
     /// Run so many threads; default: one per core. Outputs do not depend on it
     #[arg(short, long, value_name = "N", global = true, value_parser = threads)]
     pub jobs: Option<NonZeroUsize>,
-    /// Keep going when a recipe fails
+    /// Run steps side by side only while they fit into so much memory, such as 8GiB; default: three quarters of the
+    /// machine's
+    #[arg(long, value_name = "SIZE", global = true, value_parser = bytes)]
+    pub memory: Option<u64>,
+    /// Keep what steps gave in this folder; default: what kiln.toml says, else .kiln/cache
+    #[arg(long, value_name = "DIR", global = true, value_hint = ValueHint::DirPath)]
+    pub cache: Option<PathBuf>,
+    /// Keep going when a recipe fails or is wrong
     #[arg(short, long, global = true)]
     pub keep_going: bool,
     /// Say what would be done, and do nothing
@@ -83,6 +91,8 @@ pub enum Format {
     Text,
     /// For programs
     Json,
+    /// As rules for Ninja, one per recipe; only of a plan
+    Ninja,
 }
 
 /// When messages are coloured.
@@ -104,8 +114,14 @@ pub enum Verb {
 Examples:
   kiln bake                            everything in recipes/
   kiln bake recipes/statue.toml -j 4   one recipe, four threads
-  kiln bake -n --explain               what would run, and why")]
-    Bake(Recipes),
+  kiln bake -n --explain               what would run, and why
+  kiln bake --prune                    also remove the outputs of removed recipes")]
+    Bake(Bake),
+    /// Bake whenever something changes, until Ctrl-C
+    #[command(after_help = "\
+Example:
+  kiln watch statue")]
+    Watch(Recipes),
     /// Bake, then compare with golden/
     #[command(after_help = "\
 Examples:
@@ -123,7 +139,8 @@ Examples:
 Examples:
   kiln plan
   kiln plan recipes/statue.toml --format json
-  kiln plan --graph | dot -Tsvg > graph.svg")]
+  kiln plan --graph | dot -Tsvg > graph.svg
+  kiln plan --format ninja > kiln.ninja")]
     Plan(Plan),
     /// Make a flat texture without a recipe
     #[command(after_help = "\
@@ -150,11 +167,13 @@ Examples:
   kiln inspect statue.glb
   kiln inspect out/statue/statue.glb --format json")]
     Inspect(Inspect),
-    /// Show, verify or clear the cache
+    /// Show, verify, trim, copy or clear the cache
     #[command(after_help = "\
 Examples:
   kiln cache size
-  kiln cache verify")]
+  kiln cache verify
+  kiln cache trim --max-size 20GiB --max-age 30d
+  kiln cache export for-the-farm")]
     Cache(Cache),
     /// Print the JSON Schema of recipes, for editors
     #[command(after_help = "\
@@ -171,6 +190,17 @@ Example:
 Example:
   kiln completions bash > ~/.local/share/bash-completion/completions/kiln")]
     Completions(Completions),
+}
+
+/// `kiln bake`.
+#[derive(Clone, Debug, Args)]
+pub struct Bake {
+    /// What to bake.
+    #[command(flatten)]
+    pub recipes: Recipes,
+    /// Remove the outputs of recipes that are gone, as far as nobody else has changed them
+    #[arg(long, conflicts_with = "recipes")]
+    pub prune: bool,
 }
 
 /// Recipes to work on.
@@ -337,7 +367,7 @@ pub struct Cache {
 }
 
 /// What to do with the cache; `size` when nothing is said.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Subcommand)]
+#[derive(Clone, Debug, PartialEq, Eq, Subcommand)]
 pub enum CacheVerb {
     /// Show where it is and how large
     #[command(after_help = "Example:\n  kiln cache size")]
@@ -345,6 +375,33 @@ pub enum CacheVerb {
     /// Check every entry; damaged ones are removed and built anew when needed
     #[command(after_help = "Example:\n  kiln cache verify")]
     Verify,
+    /// Remove what was not used for longest; what the outputs here are made from goes last
+    #[command(after_help = "Examples:\n  kiln cache trim\n  kiln cache trim --max-size 20GiB --max-age 30d")]
+    Trim {
+        /// Until it has at most so many bytes; default: `max_size` of kiln.toml
+        #[arg(long, value_name = "SIZE", value_parser = bytes)]
+        max_size: Option<u64>,
+        /// Whatever was not used for so long, such as 30d or 12h
+        #[arg(long, value_name = "AGE", value_parser = age)]
+        max_age: Option<Duration>,
+    },
+    /// Copy what the outputs here are made from to a folder, which is a cache itself
+    #[command(after_help = "Example:\n  kiln cache export for-the-farm")]
+    Export {
+        /// The folder
+        #[arg(value_name = "FOLDER", value_hint = ValueHint::DirPath)]
+        folder: PathBuf,
+        /// Copy everything there is
+        #[arg(long)]
+        all: bool,
+    },
+    /// Copy a folder that was exported into the cache; every entry is checked
+    #[command(after_help = "Example:\n  kiln cache import for-the-farm")]
+    Import {
+        /// The folder
+        #[arg(value_name = "FOLDER", value_hint = ValueHint::DirPath)]
+        folder: PathBuf,
+    },
     /// Remove every entry
     #[command(after_help = "Example:\n  kiln cache clear")]
     Clear,
@@ -393,6 +450,24 @@ const MOST_THREADS: usize = 1024;
 fn threads(text: &str) -> Result<NonZeroUsize, String> {
     let range = || format!("expected a whole number from 1 to {MOST_THREADS}");
     text.parse().ok().filter(|n: &NonZeroUsize| n.get() <= MOST_THREADS).ok_or_else(range)
+}
+
+/// A number with a unit: one of `units`, each with how many it stands for.
+fn measure(text: &str, units: &[(&str, u64)], form: &str) -> Result<u64, String> {
+    let form = || format!("expected {form}");
+    let (unit, factor) = units.iter().find(|(unit, _)| text.ends_with(unit)).ok_or_else(form)?;
+    let number: u64 = text[..text.len() - unit.len()].trim_end().parse().map_err(|_| form())?;
+    number.checked_mul(*factor).ok_or_else(form)
+}
+
+fn bytes(text: &str) -> Result<u64, String> {
+    let units = [("KiB", 1 << 10), ("MiB", 1 << 20), ("GiB", 1 << 30), ("TiB", 1 << 40), ("B", 1)];
+    measure(text, &units, "a whole number and B, KiB, MiB, GiB or TiB, such as 8GiB")
+}
+
+fn age(text: &str) -> Result<Duration, String> {
+    let units = [("d", 86_400), ("h", 3600), ("m", 60), ("s", 1)];
+    measure(text, &units, "a whole number and d, h, m or s, such as 30d").map(Duration::from_secs)
 }
 
 fn size(text: &str) -> Result<Size, String> {
@@ -495,7 +570,7 @@ mod tests {
             assert_eq!((g.directory, g.jobs.map(NonZeroUsize::get), g.verbose), (Some("x".into()), Some(3), 2));
             assert!(g.keep_going && g.dry_run && !g.quiet && !g.explain);
             assert_eq!((g.color, g.format), (Color::Never, Format::Text));
-            assert!(matches!(cli.verb, Verb::Bake(Recipes { recipes }) if recipes == [PathBuf::from("a.toml")]));
+            assert!(matches!(cli.verb, Verb::Bake(bake) if bake.recipes.recipes == [PathBuf::from("a.toml")]));
         }
         for wrong in [
             "kiln bake -j 0",
@@ -504,7 +579,11 @@ mod tests {
             "kiln bake -q -v",
             "kiln",
             "kiln bak",
-            "kiln watch",
+            "kiln bake a.toml --prune",
+            "kiln bake --memory 8",
+            "kiln cache trim --max-age 5y",
+            "kiln cache trim --max-size -1B",
+            "kiln cache trim --max-size 99999999TiB",
             "kiln plan --format xml",
             "kiln shader hlsl",
             "kiln synth a.png --size 1x1",
@@ -512,6 +591,18 @@ mod tests {
             assert!(read(wrong).is_err(), "{wrong}");
         }
         assert!(read("kiln bak").is_err_and(|e| e.contains("'bake'")));
+    }
+
+    #[test]
+    fn measures_have_units() {
+        let trim = |line: &str| match read(line).map(|cli| cli.verb) {
+            Ok(Verb::Cache(Cache { what: Some(CacheVerb::Trim { max_size, max_age }) })) => (max_size, max_age),
+            other => panic!("{other:?}"),
+        };
+        let (size, age) = trim("kiln cache trim --max-size 3MiB --max-age 2d");
+        assert_eq!((size, age), (Some(3 << 20), Some(Duration::from_secs(172_800))));
+        assert_eq!(trim("kiln cache trim --max-size 7B --max-age 5m"), (Some(7), Some(Duration::from_secs(300))));
+        assert_eq!(read("kiln bake --memory 2GiB").map(|cli| cli.global.memory), Ok(Some(2 << 30)));
     }
 
     #[test]

@@ -2,23 +2,41 @@
 
 use std::path::Path;
 
-use crate::build::{self, Outcome, Report, chrome_trace, depfile};
+use crate::build::{self, Cache, Outcome, Report, chrome_trace, depfile};
 use crate::disk::{Disk, Real};
 
-use super::args::{Format, Global, Recipes};
-use super::progress::Lines;
+use super::args::{Bake, Format, Global};
+use super::progress::Shown;
 use super::project::{self, Loaded};
 use super::{Done, Stop};
 
 /// Brings the outputs of recipes up to date.
-pub(super) fn run(global: &Global, recipes: &Recipes) -> Result<Done, Stop> {
-    let loaded = project::load(global, &recipes.recipes)?;
+pub(super) fn run(global: &Global, bake: &Bake) -> Result<Done, Stop> {
+    let plain = global.format == Format::Text && global.verbose == 0;
+    let plain = plain && global.trace.is_none() && global.depfile.is_none() && bake.recipes.recipes.is_empty();
+    if let Some(sealed) = plain.then(|| project::sealed(global)).flatten() {
+        return Done::ok(match (global.dry_run, global.quiet) {
+            (true, _) => super::plan::nothing_to_do(sealed.steps),
+            (false, true) => String::new(),
+            (false, false) => nothing_to_do(sealed.outputs),
+        });
+    }
+    let mut loaded = project::load(global, &bake.recipes.recipes)?;
+    loaded.options.prune = bake.prune;
+    if bake.prune && !loaded.options.whole_tree {
+        return Err(Stop::Usage("--prune needs all recipes to be right: what is wrong may have outputs too".into()));
+    }
     if global.dry_run {
         return super::plan::show(global, &loaded, false);
     }
     let report = build(global, &loaded)?;
     let success = report.is_success() && loaded.broken.is_empty();
-    Ok(Done { text: summary(global, &loaded, &report), success })
+    let tidy = report.warnings.is_empty() && (report.dead_outputs.is_empty() || bake.prune);
+    if success && tidy && loaded.options.whole_tree {
+        project::seal(global, &loaded);
+    }
+    let text = summary(global, &loaded, &report);
+    if loaded.faulty { Err(Stop::Partly(text)) } else { Ok(Done { text, success }) }
 }
 
 /// Runs the graph of loaded recipes; failures are said on stderr and stand in the report.
@@ -27,9 +45,10 @@ pub(super) fn build(global: &Global, loaded: &Loaded) -> Result<Report, Stop> {
     if !broken.is_empty() && !loaded.options.keep_going {
         return Err(Stop::Failed(broken.join("\n")));
     }
-    let lines = Lines::new(global);
+    let shown = Shown::new(global);
     let report =
-        build::run(&loaded.graph, &[], &loaded.options, &Real, &lines).map_err(|e| Stop::Failed(with_causes(&e)))?;
+        build::run(&loaded.graph, &[], &loaded.options, &Real, &shown).map_err(|e| Stop::Failed(with_causes(&e)))?;
+    drop(shown);
     let say = |text: &str| {
         use std::io::Write;
         let _ = writeln!(anstream::stderr(), "{text}");
@@ -40,13 +59,31 @@ pub(super) fn build(global: &Global, loaded: &Loaded) -> Result<Report, Stop> {
     for path in &report.changed_inputs {
         say(&format!("warning: {} changed during the bake; run again", path.display()));
     }
+    if !loaded.options.prune && !report.dead_outputs.is_empty() {
+        let few: Vec<String> = report.dead_outputs.iter().take(3).map(|path| path.display().to_string()).collect();
+        let and = if report.dead_outputs.len() > few.len() { ", ..." } else { "" };
+        let (count, few) = (report.dead_outputs.len(), few.join(", "));
+        say(&format!(
+            "warning: no recipe makes {count} earlier outputs ({few}{and}); `kiln bake --prune` removes them"
+        ));
+    }
     if let Some(path) = &global.trace {
         write(path, chrome_trace(&report).as_bytes())?;
     }
     if let Some(path) = &global.depfile {
         write(path, depfile(&loaded.graph, &[], &loaded.recipe_files).as_bytes())?;
     }
-    Ok(report)
+    trim(loaded, &report).into_iter().for_each(|warning| say(&warning));
+    if report.interrupted { Err(Stop::Interrupted) } else { Ok(report) }
+}
+
+/// Keeps the cache within the bound of `kiln.toml`, after a run that stored something.
+fn trim(loaded: &Loaded, report: &Report) -> Option<String> {
+    let max_size = loaded.max_cache.filter(|_| report.ran().next().is_some())?;
+    let cache = Cache::new(&Real, &loaded.options.cache);
+    let used = build::artefacts(&loaded.options, &Real);
+    let result = cache.trim(Some(max_size), None, &used);
+    result.err().map(|e| format!("warning: {} cannot be trimmed: {e}", loaded.options.cache.display()))
 }
 
 /// Writes a file that was asked for on the command line.
@@ -65,6 +102,10 @@ pub(super) fn with_causes(error: &dyn std::error::Error) -> String {
     text
 }
 
+fn nothing_to_do(outputs: u64) -> String {
+    format!("nothing to do: all {outputs} outputs are up to date\n")
+}
+
 fn summary(global: &Global, loaded: &Loaded, report: &Report) -> String {
     let written: Vec<_> = report.outputs.iter().filter(|o| o.written).collect();
     if global.format == Format::Json {
@@ -75,7 +116,10 @@ fn summary(global: &Global, loaded: &Loaded, report: &Report) -> String {
             .collect();
         let ran: Vec<&str> = report.ran().collect();
         let failed: Vec<String> = loaded.broken.iter().map(|(_, why)| why.clone()).chain(report.failures()).collect();
-        return format!("{}\n", serde_json::json!({"version": 1, "outputs": outputs, "ran": ran, "failed": failed}));
+        return format!(
+            "{}\n",
+            serde_json::json!({"version": 1, "outputs": outputs, "ran": ran, "failed": failed, "dead": report.dead_outputs})
+        );
     }
     if global.quiet {
         return String::new();
@@ -84,10 +128,13 @@ fn summary(global: &Global, loaded: &Loaded, report: &Report) -> String {
     if failed > 0 {
         return format!("{failed} failed; {} outputs written\n", written.len());
     }
-    if report.is_noop() && written.is_empty() {
-        return format!("nothing to do: all {} outputs are up to date\n", report.outputs.len());
+    let pruned = loaded.options.prune && !report.dead_outputs.is_empty();
+    if report.is_noop() && written.is_empty() && !pruned {
+        return nothing_to_do(report.outputs.len() as u64);
     }
-    let mut text: String = written.iter().map(|o| format!("{}\n", o.path.display())).collect();
+    let pruned = report.dead_outputs.iter().filter(|_| loaded.options.prune);
+    let mut text: String = pruned.map(|path| format!("removed {}\n", path.display())).collect();
+    text += &written.iter().map(|o| format!("{}\n", o.path.display())).collect::<String>();
     let ran = report.ran().count();
     text += &format!(
         "{} of {} outputs written, {ran} steps run in {:.1} s\n",

@@ -56,7 +56,7 @@ pub(super) fn run(global: &Global, args: &Inspect) -> Result<Done, Stop> {
         scene(path, &bytes)?
     };
     Done::ok(match global.format {
-        Format::Json => format!("{facts}\n"),
+        Format::Json | Format::Ninja => format!("{facts}\n"),
         Format::Text => facts.as_object().into_iter().flatten().map(|(k, v)| line(k, v)).collect(),
     })
 }

@@ -1,7 +1,7 @@
 //! The command line: what was typed becomes a call, what came of it becomes text and an exit code.
 //!
 //! Results go to stdout, everything else to stderr. Exit codes: 0 done or up to date, 1 a bake or a golden failed, 2 the
-//! command or a recipe is wrong. One file per verb.
+//! command or a recipe is wrong, 130 interrupted. One file per verb.
 
 pub mod args;
 mod bake;
@@ -9,19 +9,22 @@ mod cache;
 mod check;
 mod init;
 mod inspect;
+mod interrupt;
+mod marker;
 mod plan;
 mod progress;
 mod project;
 mod shader;
 mod synth;
 pub mod synth_inputs;
+mod watch;
 
 use std::io::Write;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
 
-use args::{Cli, Color, Global, Verb};
+use args::{Cli, Color, Format, Global, Verb};
 
 /// Why a verb ended without its result.
 enum Stop {
@@ -29,6 +32,10 @@ enum Stop {
     Usage(String),
     /// The work failed; what to say on stderr.
     Failed(String),
+    /// A recipe is wrong, and the others were gone on with; what to say on stdout.
+    Partly(String),
+    /// Somebody asked for the end.
+    Interrupted,
 }
 
 /// What a verb came to: text for stdout and whether all is well.
@@ -61,8 +68,12 @@ pub fn main() -> ExitCode {
     {
         return stop(Stop::Usage(format!("cannot go to {}: {e}", folder.display())));
     }
+    if global.format == Format::Ninja && !matches!(cli.verb, Verb::Plan(_)) {
+        return stop(Stop::Usage("only `kiln plan` has the form `ninja`; expected text or json".into()));
+    }
     let result = match &cli.verb {
-        Verb::Bake(recipes) => bake::run(global, recipes),
+        Verb::Bake(bake) => bake::run(global, bake),
+        Verb::Watch(recipes) => watch::run(global, recipes),
         Verb::Check(check) => check::check(global, check),
         Verb::Accept(accept) => check::accept(global, accept),
         Verb::Plan(plan) => plan::run(global, plan),
@@ -98,12 +109,17 @@ fn stop(why: Stop) -> ExitCode {
     let (text, code) = match why {
         Stop::Usage(text) => (text, 2),
         Stop::Failed(text) => (text, 1),
+        Stop::Interrupted => ("interrupted; what is done is kept".to_string(), interrupt::EXIT_CODE),
+        Stop::Partly(text) => {
+            let _ = anstream::stdout().write_all(text.as_bytes());
+            (String::new(), 2)
+        }
     };
     let mut err = anstream::stderr().lock();
     for line in text.trim_end().lines() {
         let _ = writeln!(err, "{line}");
     }
-    ExitCode::from(code)
+    ExitCode::from(code as u8)
 }
 
 /// How many threads to use.

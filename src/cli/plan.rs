@@ -1,5 +1,7 @@
 //! `kiln plan`: what would run, and why.
 
+use std::path::Path;
+
 use crate::build::{self, State, to_dot, to_json};
 use crate::disk::Real;
 
@@ -9,6 +11,15 @@ use super::{Done, Stop};
 
 /// Shows the plan of recipes.
 pub(super) fn run(global: &Global, plan: &Plan) -> Result<Done, Stop> {
+    // Planning writes nothing.
+    let global = &Global { dry_run: true, ..global.clone() };
+    let plain = global.format == Format::Text && global.verbose == 0 && !plan.graph;
+    if plain
+        && plan.recipes.recipes.is_empty()
+        && let Some(sealed) = project::sealed(global)
+    {
+        return Done::ok(nothing_to_do(sealed.steps));
+    }
     let loaded = project::load(global, &plan.recipes.recipes)?;
     show(global, &loaded, plan.graph)
 }
@@ -18,7 +29,7 @@ pub(super) fn show(global: &Global, loaded: &Loaded, graph: bool) -> Result<Done
     let steps = build::plan(&loaded.graph, &[], &loaded.options, &Real)
         .map_err(|e| Stop::Failed(super::bake::with_causes(&e)))?;
     let mut success = loaded.broken.is_empty();
-    if graph || global.format == Format::Json {
+    if graph || global.format != Format::Text {
         for (_, why) in &loaded.broken {
             use std::io::Write;
             let _ = writeln!(anstream::stderr(), "{why}");
@@ -29,6 +40,9 @@ pub(super) fn show(global: &Global, loaded: &Loaded, graph: bool) -> Result<Done
     }
     if global.format == Format::Json {
         return Ok(Done { text: to_json(&steps) + "\n", success });
+    }
+    if global.format == Format::Ninja {
+        return Ok(Done { text: ninja(global, loaded), success });
     }
     let mut text = String::new();
     for (_, why) in &loaded.broken {
@@ -44,7 +58,41 @@ pub(super) fn show(global: &Global, loaded: &Loaded, graph: bool) -> Result<Done
         text += &format!("{:8} {}{}{why}\n", step.state.word(), step.name, if why.is_empty() { "" } else { ": " });
     }
     if text.is_empty() {
-        text = format!("nothing to do: all {} steps are up to date\n", steps.len());
+        text = nothing_to_do(steps.len() as u64);
     }
     Ok(Done { text, success })
+}
+
+pub(super) fn nothing_to_do(steps: u64) -> String {
+    format!("nothing to do: all {steps} steps are up to date\n")
+}
+
+/// The recipes as rules for Ninja, each with its outputs and all that they are made from. Every rule bakes one recipe
+/// with one thread; what recipes share is made by whoever comes first, and the cache hands it to the others.
+fn ninja(global: &Global, loaded: &Loaded) -> String {
+    let flags = global.cache.as_ref().map_or(String::new(), |cache| format!(" --cache {}", quoted(cache)));
+    let mut text = String::from("ninja_required_version = 1.7\n\nrule bake\n");
+    text += &format!("  command = kiln bake -q -j 1{flags} -- $recipe\n");
+    text += "  description = kiln $recipe\n  restat = 1\n";
+    for planned in &loaded.planned {
+        let outputs: Vec<String> = planned.outputs.iter().filter_map(|path| escaped(path)).collect();
+        let files = loaded.graph.files_of(&planned.steps);
+        let shared = loaded.recipe_files.iter().filter(|file| **file == Path::new("kiln.toml"));
+        let inputs: Vec<String> = files.chain(shared.map(|file| &**file)).filter_map(escaped).collect();
+        let Some(recipe) = escaped(&planned.recipe) else { continue };
+        text += &format!("\nbuild {}: bake {recipe} | {}\n", outputs.join(" "), inputs.join(" "));
+        text += &format!("  recipe = {}\n", quoted(&planned.recipe).replace('$', "$$"));
+    }
+    text
+}
+
+/// A path in a rule; `None` if Ninja cannot say it.
+fn escaped(path: &Path) -> Option<String> {
+    let text = path.to_str().filter(|text| !text.contains('\n'))?;
+    Some(text.replace('$', "$$").replace(' ', "$ ").replace(':', "$:"))
+}
+
+/// A path in a command.
+fn quoted(path: &Path) -> String {
+    format!("'{}'", path.display().to_string().replace('\'', "'\\''"))
 }

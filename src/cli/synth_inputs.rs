@@ -226,7 +226,8 @@ mod tests {
                 Ok(found) => {
                     Ok(found.iter().map(|f| f.map(|p| p.display().to_string()).unwrap_or_default()).collect::<Vec<_>>())
                 }
-                Err(Stop::Usage(text) | Stop::Failed(text)) => Err(text),
+                Err(Stop::Usage(text) | Stop::Failed(text) | Stop::Partly(text)) => Err(text),
+                Err(Stop::Interrupted) => Err("interrupted".into()),
             }
         };
         assert_eq!(run(&["a.png", "b.png"], 3), Ok(vec!["a.png".into(), "b.png".into(), String::new()]));

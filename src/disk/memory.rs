@@ -59,6 +59,11 @@ impl Memory {
         self.state().faults.insert((op, path.into()), kind);
     }
 
+    /// Lets time pass.
+    pub fn pass(&self, time: std::time::Duration) {
+        self.state().now += time.as_millis() as u64;
+    }
+
     /// Removes all faults.
     pub fn mend(&self) {
         self.state().faults.clear();
@@ -67,13 +72,6 @@ impl Memory {
     /// The calls since the last time, in order.
     pub fn take_log(&self) -> Vec<(Op, PathBuf)> {
         std::mem::take(&mut self.state().log)
-    }
-
-    /// Moves a file's time as if it had been written again with the same bytes. Panics if it is not there.
-    pub fn touch(&self, path: impl AsRef<Path>) {
-        let mut state = self.state();
-        let bytes = state.files[path.as_ref()].bytes.clone();
-        state.put(path.as_ref(), bytes);
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
@@ -114,6 +112,13 @@ impl State {
 }
 
 impl Disk for Memory {
+    fn touch(&self, path: &Path) -> io::Result<()> {
+        let mut state = self.begin(Op::Write, path)?;
+        let bytes = state.files.get(path).ok_or(ErrorKind::NotFound)?.bytes.clone();
+        state.put(path, bytes);
+        Ok(())
+    }
+
     fn read(&self, path: &Path, limit: u64) -> io::Result<Vec<u8>> {
         let state = self.begin(Op::Read, path)?;
         match state.files.get(path) {
@@ -199,7 +204,7 @@ mod tests {
         let path = Path::new("/a");
         disk.write(path, b"x").unwrap();
         let before = disk.stamp(path).unwrap().unwrap();
-        disk.touch(path);
+        disk.touch(path).unwrap();
         assert!(disk.stamp(path).unwrap().unwrap().mtime_ns > before.mtime_ns);
         assert_eq!(disk.read(path, 1).unwrap(), b"x");
     }

@@ -3,14 +3,17 @@
 //! [`Real`] is the file system; [`Memory`] is one in memory, with times that only move on a write, for tests of the
 //! engine. Errors are `std::io::Error`s whose text does not name the path; callers add it.
 
+mod jobserver;
 mod memory;
 mod real;
 
+pub use jobserver::Jobserver;
 pub use memory::{Memory, Op};
-pub use real::{Real, TEMPORARY_PREFIX};
+pub use real::{Real, TEMPORARY_PREFIX, is_temporary, machine_memory};
 
 use std::io::{self, Cursor, Seek, Write};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// What tells, without reading it, whether a file may have changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -21,6 +24,43 @@ pub struct Stamp {
     pub mtime_ns: i128,
     /// Inode or file index; 0 where there is none.
     pub inode: u64,
+}
+
+/// Two edits this close may share one time stamp (FAT counts in steps of two seconds).
+const COARSEST_CLOCK_NS: i128 = 2_000_000_000;
+
+/// Tells which stamps can be trusted to move when their files are written again. "Now" is asked of the file system itself,
+/// which may be another machine's, when it is needed first.
+pub struct Clock<'a> {
+    disk: &'a dyn Disk,
+    probe: PathBuf,
+    now: OnceLock<Option<i128>>,
+}
+
+impl<'a> Clock<'a> {
+    /// A clock that writes the file `probe` to see its time.
+    pub fn new(disk: &'a dyn Disk, probe: impl Into<PathBuf>) -> Self {
+        Clock { disk, probe: probe.into(), now: OnceLock::new() }
+    }
+
+    /// A clock that writes nothing and trusts nothing.
+    pub fn stopped(disk: &'a dyn Disk) -> Self {
+        Clock { disk, probe: PathBuf::new(), now: OnceLock::from(None) }
+    }
+
+    /// The time when it was first asked, in nanoseconds since 1970; `None` if the probe cannot be written.
+    pub fn now(&self) -> Option<i128> {
+        let ask = || {
+            self.disk.write(&self.probe, b"").ok()?;
+            Some(self.disk.stamp(&self.probe).ok()??.mtime_ns)
+        };
+        *self.now.get_or_init(ask)
+    }
+
+    /// Whether a stamp is so old that whatever is written from now on will have another one.
+    pub fn trusts(&self, stamp: &Stamp) -> bool {
+        self.now().is_some_and(|now| stamp.mtime_ns + COARSEST_CLOCK_NS <= now)
+    }
 }
 
 /// A file that is being written: what is written first may be corrected later.
@@ -53,6 +93,8 @@ pub trait Disk: Send + Sync {
         fill(&mut whole)?;
         self.write(path, &whole.into_inner())
     }
+    /// Sets the modification time of a file to now.
+    fn touch(&self, path: &Path) -> io::Result<()>;
     /// Removes a file; no error if it is not there.
     fn remove(&self, path: &Path) -> io::Result<()>;
     /// Files below a folder (recursively, not through links to folders), sorted; empty if there is no such folder.

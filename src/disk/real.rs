@@ -4,9 +4,29 @@ use super::{Disk, Lock, Sink, Stamp};
 use std::fs;
 use std::io::{self, BufWriter, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 /// How the names of unfinished files begin. A killed run may leave one behind; whoever trims a folder may remove it.
 pub const TEMPORARY_PREFIX: &str = ".kiln-tmp-";
+
+/// Whether a file of this name is unfinished: being written, or left behind by a run that was killed.
+pub fn is_temporary(name: &str) -> bool {
+    name.starts_with(TEMPORARY_PREFIX)
+}
+
+/// How much memory the machine has for this process, in bytes: what is built in or what its control group allows,
+/// whichever is less. `None` where the system does not say it in a file.
+pub fn machine_memory() -> Option<u64> {
+    let number = |text: &str| text.trim().parse::<u64>().ok();
+    let group = ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];
+    let group = group.iter().filter_map(|path| number(&fs::read_to_string(path).ok()?)).min();
+    let info = fs::read_to_string("/proc/meminfo").ok();
+    let total = info.iter().flat_map(|text| text.lines()).find_map(|line| {
+        let kib = line.strip_prefix("MemTotal:")?.strip_suffix("kB")?;
+        Some(number(kib)? * 1024)
+    });
+    group.into_iter().chain(total).min()
+}
 
 /// The real file system.
 #[derive(Clone, Copy, Debug, Default)]
@@ -56,6 +76,10 @@ impl Disk for Real {
             fill(&mut buffered)?;
             buffered.flush()
         })
+    }
+
+    fn touch(&self, path: &Path) -> io::Result<()> {
+        fs::File::options().append(true).open(path)?.set_modified(SystemTime::now())
     }
 
     fn remove(&self, path: &Path) -> io::Result<()> {
@@ -201,6 +225,12 @@ mod tests {
         fs::write(&plain, b"").unwrap();
         let mode = |p: &Path| fs::metadata(p).unwrap().permissions().mode();
         assert_eq!(mode(&ours), mode(&plain));
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn the_machine_has_memory() {
+        assert!(machine_memory().is_some_and(|bytes| bytes > 64 << 20));
     }
 
     #[test]

@@ -20,6 +20,9 @@ use super::control::{self, Named};
 use super::painting::{Painting, Picture};
 use super::sheet::Form;
 
+/// Bytes per texel of a canvas under way: a source of four, twice while it is corrected, and what was done to it.
+const CANVAS_BYTES: u64 = 12;
+
 /// Reads the jump map, the maps or the sheet, and if it is guided the guide of the canvas and those of the samples.
 pub(super) struct WalkImage {
     pub recipe: String,
@@ -82,6 +85,11 @@ impl Step for WalkImage {
         v.param("importance", &self.importance);
         v.param("samples", &self.samples);
         v.param("guide weight", &self.guide_weight);
+    }
+
+    fn memory(&self, inputs: &[u64]) -> u64 {
+        let [width, height] = self.size.unwrap_or_default().map(u64::from);
+        CANVAS_BYTES * width * height + 4 * inputs.iter().sum::<u64>()
     }
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {

@@ -180,6 +180,9 @@ impl Artefact for SourceVolume {
     }
 }
 
+/// Bytes per texel of a flipbook under way: as of a canvas.
+const TEXEL_BYTES: u64 = 12;
+
 /// Reads the jump map and the flipbook.
 pub(super) struct WalkFlipbook {
     pub recipe: String,
@@ -203,6 +206,10 @@ impl Step for WalkFlipbook {
         v.param("loop", looped);
         v.param("refine", &self.refine);
         v.param("importance", &self.importance);
+    }
+
+    fn memory(&self, inputs: &[u64]) -> u64 {
+        TEXEL_BYTES * self.params.size.map(u64::from).iter().product::<u64>() + 4 * inputs.iter().sum::<u64>()
     }
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {

@@ -36,6 +36,7 @@ mod prepare;
 mod rasterise;
 mod render;
 mod report;
+pub mod scenes;
 pub(crate) mod sheet;
 mod surface;
 mod synthesise;

@@ -17,7 +17,6 @@ use crate::io::gltf::TriangleOrder;
 use crate::io::image_file::{Compression, Transfer};
 use crate::io::image_set::{NormalY, Options, Slot};
 use crate::io::image_strips::Container;
-use crate::io::scene::external_files;
 use crate::recipe::limits::FLIPBOOK_TEXELS;
 use crate::recipe::{self, Canvas, FileRef, ImageFormat, MapFile, MapOutput, MeshBake, Recipe, Sample, Target, Word};
 use crate::synth::image_copy::BlendKernel;
@@ -42,6 +41,7 @@ use super::prepare::{Prepare, Scale};
 use super::rasterise::{ImageSpec, Rasterise};
 use super::render::{RenderField, RenderView};
 use super::report::{CanvasReport, Report};
+use super::scenes::Scenes;
 use super::sheet::{Form, Stack};
 use super::surface::{ReadSurface, SceneFiles};
 use super::synthesise::{Order, Synthesise};
@@ -49,14 +49,15 @@ use super::texton::AnalyseTextons;
 use super::texton_quilt::{BlendMesh, BlendParams, BlendSets, QuiltFaces};
 use super::unwrap::{Layout, Unwrap};
 
-/// Largest scene file that planning reads, in bytes.
-const SCENE_LIMIT: u64 = 1 << 31;
-
 /// What a recipe became in the graph.
 #[derive(Clone, Debug)]
 pub struct Planned {
     /// The recipe's name.
     pub name: String,
+    /// The recipe's file.
+    pub recipe: PathBuf,
+    /// Files that would change the plan if they were there.
+    pub absent: Vec<PathBuf>,
     /// Its output files, in the order of planning.
     pub outputs: Vec<PathBuf>,
     /// Its steps in an order in which each comes after those it reads; shared ones included.
@@ -76,10 +77,22 @@ impl std::fmt::Display for PlanError {
 impl std::error::Error for PlanError {}
 
 /// Adds the steps of a recipe. Outputs go to `out/<recipe>/` below `out`.
-pub fn add(graph: &mut Graph, recipe: &Recipe, out: &Path, disk: &dyn Disk) -> Result<Planned, PlanError> {
+pub fn add(
+    graph: &mut Graph,
+    recipe: &Recipe,
+    out: &Path,
+    disk: &dyn Disk,
+    scenes: &mut Scenes,
+) -> Result<Planned, PlanError> {
     let folder = out.join(&recipe.name);
-    let planned = Planned { name: recipe.name.clone(), outputs: Vec::new(), steps: Vec::new() };
-    let mut planner = Planner { graph, recipe, disk, folder, planned };
+    let planned = Planned {
+        name: recipe.name.clone(),
+        recipe: recipe.path.clone(),
+        absent: Vec::new(),
+        outputs: Vec::new(),
+        steps: Vec::new(),
+    };
+    let mut planner = Planner { graph, recipe, disk, scenes, folder, planned };
     // What can fail comes first, so that a recipe that can't be baked leaves no steps behind.
     if let (Target::Canvas(canvas), true) = (&recipe.target, recipe.exemplar.maps.iter().any(|m| m.frames.is_some())) {
         let (files, frames) = planner.frame_files()?;
@@ -99,15 +112,16 @@ pub fn add(graph: &mut Graph, recipe: &Recipe, out: &Path, disk: &dyn Disk) -> R
 }
 
 /// Adds steps for one recipe.
-struct Planner<'a> {
+struct Planner<'a, 'd> {
     graph: &'a mut Graph,
     recipe: &'a Recipe,
     disk: &'a dyn Disk,
+    scenes: &'a mut Scenes<'d>,
     folder: PathBuf,
     planned: Planned,
 }
 
-impl Planner<'_> {
+impl Planner<'_, '_> {
     fn step(&mut self, step: impl crate::build::Step + 'static, inputs: &[InputId]) -> StepId {
         let id = self.graph.add_step(Box::new(step), inputs);
         self.planned.steps.push(id);
@@ -365,12 +379,16 @@ impl Planner<'_> {
     fn scene(&mut self, file: &FileRef, bake: &MeshBake) -> Result<Scene, PlanError> {
         let FileRef { key, path, place, .. } = file;
         let fail = |why: String| PlanError(format!("{}: {why} (named as {key} in {place})", path.display()));
-        let bytes = self.disk.read(path, SCENE_LIMIT).map_err(|e| fail(e.to_string()))?;
-        let label = path.to_string_lossy();
-        let mut uris = external_files(super::file_name(&label), &bytes).map_err(|e| fail(e.to_string()))?;
+        let mut uris = self.scenes.files(path).map_err(fail)?;
         let folder = path.parent().unwrap_or(Path::new(""));
         // A picture that is not there matters only if its material is kept; the reader says so then.
-        uris.retain(|uri| !is_picture(uri) || matches!(self.disk.stamp(&folder.join(uri)), Ok(Some(_))));
+        let (disk, absent) = (self.disk, &mut self.planned.absent);
+        uris.retain(|uri| {
+            let path = folder.join(uri);
+            let there = !is_picture(uri) || matches!(disk.stamp(&path), Ok(Some(_)));
+            absent.extend((!there).then_some(path));
+            there
+        });
         if let Some(gone) = uris.iter().find(|uri| matches!(self.disk.stamp(&folder.join(uri)), Ok(None))) {
             return Err(fail(format!("it refers to `{gone}`, and there is no such file beside it")));
         }
@@ -447,7 +465,7 @@ impl Planner<'_> {
             let unwrap = self.step(Unwrap { recipe: recipe.clone(), layout }, &[surface.into()]);
             let images = atlas.maps.iter().map(image_spec).collect();
             let inputs = [surface, prepare, synthesise, unwrap, maps].map(InputId::from);
-            let bundle = self.step(Rasterise { recipe: recipe.clone(), images, gutter_px }, &inputs);
+            let bundle = self.step(Rasterise { recipe: recipe.clone(), images, gutter_px, side: side(atlas) }, &inputs);
             self.encode(&recipe, &atlas.maps, atlas.compression, bundle, None);
             let glb = AtlasGlb { recipe: recipe.clone(), scene: scene.clone() };
             let inputs = [&files[..], &[surface, unwrap, bundle].map(InputId::from)].concat();
@@ -605,10 +623,19 @@ fn squeeze(compression: recipe::Compression) -> Compression {
     }
 }
 
+/// Side of the page in texels; a guess where the layout decides.
+fn side(atlas: &recipe::Atlas) -> u32 {
+    match atlas.size {
+        recipe::AtlasSize::Side(side) => side,
+        recipe::AtlasSize::TexelsPerUnit(_) => 1024,
+    }
+}
+
 fn layout(atlas: &recipe::Atlas) -> (Layout, u32) {
-    let (extent, side) = match atlas.size {
-        recipe::AtlasSize::Side(side) => (Extent::Page(side), side),
-        recipe::AtlasSize::TexelsPerUnit(density) => (Extent::TexelsPerUnit(density), 1024),
+    let side = side(atlas);
+    let extent = match atlas.size {
+        recipe::AtlasSize::Side(side) => Extent::Page(side),
+        recipe::AtlasSize::TexelsPerUnit(density) => Extent::TexelsPerUnit(density),
     };
     // Without mip levels nothing looks further than the next texel.
     let enough = if atlas.mips { default_gutter_px(side) } else { 2 };

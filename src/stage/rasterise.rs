@@ -129,7 +129,14 @@ pub(super) struct Rasterise {
     pub recipe: String,
     pub images: Vec<ImageSpec>,
     pub gutter_px: u32,
+    /// Side of the page in texels, as far as it is known, for the estimate of memory; not a parameter.
+    pub side: u32,
 }
+
+/// Bytes per texel of the page, and further ones for each image: measured on pages of 2048 and 4096 (one image 40 to 48 in
+/// all, three 116 to 125).
+const PAGE_BYTES: u64 = 16;
+const IMAGE_BYTES: u64 = 36;
 
 impl Step for Rasterise {
     super::step_identity!("rasterise", 2);
@@ -137,6 +144,11 @@ impl Step for Rasterise {
     fn describe(&self, v: &mut dyn Visitor) {
         v.param("images", &self.images);
         v.param("gutter", &self.gutter_px);
+    }
+
+    fn memory(&self, inputs: &[u64]) -> u64 {
+        let texels = u64::from(self.side).pow(2);
+        texels * (PAGE_BYTES + IMAGE_BYTES * self.images.len() as u64) + 4 * inputs.iter().sum::<u64>()
     }
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {

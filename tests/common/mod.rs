@@ -61,11 +61,24 @@ impl Project {
 
     pub fn kiln_with(&self, args: &[&str], env: &[(&str, &str)]) -> Ran {
         let mut command = Command::new(env!("CARGO_BIN_EXE_kiln"));
-        command.arg("-C").arg(self.0.path()).args(args).env_remove("CI").env("NO_COLOR", "1");
+        command.arg("-C").arg(self.0.path()).args(args).env_remove("CI").env_remove("MAKEFLAGS").env("NO_COLOR", "1");
         command.envs(env.iter().copied());
         let Output { status, stdout, stderr } = command.output().expect("kiln runs");
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("kiln prints UTF-8");
         Ran { code: status.code().unwrap_or(-1), out: text(stdout), err: text(stderr) }
+    }
+
+    /// Starts kiln and does not wait for it.
+    pub fn start(&self, args: &[&str]) -> std::process::Child {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_kiln"));
+        command.arg("-C").arg(self.0.path()).args(args).env_remove("CI").env_remove("MAKEFLAGS");
+        command.stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped());
+        command.spawn().expect("kiln starts")
+    }
+
+    /// All files below a folder with their bytes.
+    pub fn contents(&self, below: &str) -> std::collections::BTreeMap<String, Vec<u8>> {
+        self.files(below).into_iter().map(|file| (file.clone(), self.read(&file))).collect()
     }
 
     /// Files below a folder, relative to the project, sorted.
@@ -87,6 +100,58 @@ impl Ran {
         assert_eq!(self.code, code, "stdout:\n{}\nstderr:\n{}", self.out, self.err);
         self
     }
+}
+
+/// A recipe of every kind of step that is quick: a tetrahedron with an atlas, UV sets and a view.
+pub const MESH_RECIPE: &str = r#"
+[mesh]
+path = "m.obj"
+[exemplar]
+base_color = "e.png"
+[analysis]
+neighbourhoods = [3]
+[synthesis]
+scale = 12.0
+refine = 0
+[atlas]
+size = 32
+[uv_sets]
+[[render]]
+view = "turntable-1"
+size = 32
+"#;
+
+/// A flat texture.
+pub const CANVAS_RECIPE: &str = "[canvas]\nsize = [96, 64]\n[exemplar]\nbase_color = 'e.png'\n[analysis]\nneighbourhoods = [3]\n[synthesis]\nrefine = 0\n";
+
+/// A tetrahedron.
+pub const TETRAHEDRON: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+
+/// A picture with something in it; pictures of one size have one length, whatever the phase.
+pub fn picture(side: u32, phase: u32) -> Vec<u8> {
+    let mut out = Vec::new();
+    let mut encoder = png::Encoder::new(&mut out, side, side);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::NoCompression);
+    let texel = |i: u32| [(i * 37 + phase) as u8, (i * i * 11) as u8, (i / side * 15) as u8];
+    let data: Vec<u8> = (0..side * side).flat_map(texel).collect();
+    encoder.write_header().and_then(|mut w| w.write_image_data(&data)).expect("a picture in memory");
+    out
+}
+
+/// A project of `count` recipes over one mesh and one picture, whose outputs all differ.
+pub fn small_project(count: usize) -> Project {
+    let project = Project::new();
+    project.write("recipes/m.obj", TETRAHEDRON);
+    project.write("recipes/e.png", picture(16, 0));
+    for i in 0..count {
+        let recipe = if i % 2 == 0 { MESH_RECIPE } else { CANVAS_RECIPE };
+        let seed = format!("seed = {}\n", i + 1);
+        let recipe = recipe.replace("[synthesis]\n", &format!("[synthesis]\n{seed}"));
+        project.write(&format!("recipes/r{i}.toml"), recipe);
+    }
+    project
 }
 
 fn list(folder: &Path, found: &mut Vec<PathBuf>) {
