@@ -20,6 +20,7 @@ mod books;
 mod cache;
 mod codec;
 mod depfile;
+mod described;
 mod digest;
 mod explain;
 mod graph;
@@ -41,6 +42,7 @@ mod world;
 
 pub use cache::{Cache, Record, Size};
 pub use depfile::depfile;
+pub use described::Described;
 pub use digest::Digest;
 pub use graph::{Bytes, Graph, GraphError, InputId, Inputs, Step, StepError, StepId, Visitor};
 pub use options::{Error, Options};

@@ -25,6 +25,8 @@ const RECIPE_LIMIT: u64 = recipe::limits::FILE_BYTES;
 pub(super) struct Loaded {
     pub graph: Graph,
     pub planned: Vec<Planned>,
+    /// The recipes as they were read; also those that could not be planned.
+    pub recipes: Vec<Recipe>,
     /// Recipes that could not be planned, with the reason.
     pub broken: Vec<(String, String)>,
     pub options: Options,
@@ -34,6 +36,11 @@ pub(super) struct Loaded {
 
 /// Loads the recipes named on the command line, or all of `recipes/`.
 pub(super) fn load(global: &Global, wanted: &[PathBuf]) -> Result<Loaded, Stop> {
+    load_into(global, wanted, Path::new(OUT))
+}
+
+/// As [`load`], with outputs below another folder.
+pub(super) fn load_into(global: &Global, wanted: &[PathBuf], out: &Path) -> Result<Loaded, Stop> {
     let disk = Real;
     let (project, mut recipe_files) = project(&disk)?;
     let files = if wanted.is_empty() { all(&disk)? } else { wanted.iter().map(|w| find(&disk, w)).collect() };
@@ -42,16 +49,18 @@ pub(super) fn load(global: &Global, wanted: &[PathBuf]) -> Result<Loaded, Stop> 
     let mut loaded = Loaded {
         graph: Graph::new(),
         planned: Vec::new(),
+        recipes: Vec::new(),
         broken: Vec::new(),
         options: options(global, &project, wanted.is_empty()),
         recipe_files,
     };
     for recipe in &recipes {
-        match plan::add(&mut loaded.graph, recipe, Path::new(OUT), &disk) {
+        match plan::add(&mut loaded.graph, recipe, out, &disk) {
             Ok(planned) => loaded.planned.push(planned),
             Err(e) => loaded.broken.push((recipe.name.clone(), e.to_string())),
         }
     }
+    loaded.recipes = recipes;
     Ok(loaded)
 }
 
@@ -88,7 +97,7 @@ fn colored() -> bool {
 }
 
 /// The recipes directly in `recipes/`, sorted.
-fn all(disk: &dyn Disk) -> Result<Vec<PathBuf>, Stop> {
+pub(super) fn all(disk: &dyn Disk) -> Result<Vec<PathBuf>, Stop> {
     let folder = Path::new("recipes");
     let mut files = disk.list(folder).map_err(|e| Stop::Usage(format!("recipes/: {e}")))?;
     // Hidden files are editors' own.

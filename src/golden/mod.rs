@@ -9,6 +9,8 @@ pub mod book;
 pub mod compare;
 pub mod digest;
 mod digest_glb;
+pub mod flip;
+pub mod quality;
 pub mod report;
 mod thumb;
 
