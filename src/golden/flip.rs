@@ -275,6 +275,20 @@ mod tests {
         assert!((found - expected).abs() < 2e-3, "{found} {expected}");
     }
 
+    // The mean that the authors' evaluator (flip-evaluator 1.x, LDR, the same viewer) gives for these two pictures.
+    #[test]
+    fn two_pictures_differ_as_the_authors_say() {
+        let base = |x: u32, y: u32| [x * 4, y * 5, (x + y) * 2].map(|v| (v % 256) as u8);
+        let a = filled(64, 48, base);
+        let b = filled(64, 48, |x, y| match base(x, y) {
+            c if (10..20).contains(&y) && (10..30).contains(&x) => c.map(|v| 255 - v),
+            [r, g, b] if y >= 30 && x >= 40 => [r / 2, g, b],
+            c => c,
+        });
+        let found = flip(&a, &b);
+        assert!((found - 0.197_043).abs() < 2e-5, "{found}");
+    }
+
     #[test]
     fn an_edge_counts_more_than_a_tint_and_more_of_it_counts_more() {
         let grey = filled(64, 64, |_, _| [120; 3]);

@@ -7,6 +7,7 @@
 mod base64;
 pub mod book;
 pub mod compare;
+pub mod compare_glb;
 pub mod digest;
 mod digest_glb;
 pub mod flip;

@@ -3,8 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use crate::disk::{Disk, Real};
 use crate::golden::book::{Book, Change, Kind, Outcome, Output, compare_book, first_change};
 use crate::golden::compare::{beside, compare, panels};
+use crate::golden::compare_glb::compare_glb;
 use crate::golden::digest::digest_pixels;
 use crate::golden::flip::flip;
 use crate::golden::report::{Entry, Figures, Pictures, Status};
@@ -15,10 +17,10 @@ use crate::stage::plan::Planned;
 
 use super::baked::{Baked, Known};
 use super::shelf::{copy_path, picture_path, png, read_book, read_image};
-use super::{PANEL, THUMB};
+use super::{OUTPUT_LIMIT, PANEL, THUMB};
 use crate::cli::Stop;
 use crate::cli::bake::write;
-use crate::cli::project::{Loaded, OWN};
+use crate::cli::project::{Loaded, OUT, OWN};
 
 /// Compares one recipe with its book.
 pub(super) fn judge(planned: &Planned, recipe: &Recipe, loaded: &Loaded, known: &Known) -> Result<Vec<Entry>, Stop> {
@@ -167,7 +169,7 @@ impl Difference {
         let plain =
             |said: &str, pictures| Difference { said: said.into(), is_tolerated: false, figures: None, pictures };
         let Some(actual) = image else {
-            return plain("the content differs", Pictures::default());
+            return plain(&of_file(recipe, old, new), Pictures::default());
         };
         let is_whole = |p: &Pixels| digest_pixels(p) == old.blake3;
         let whole = read_image(&copy_path(&old.blake3)).filter(is_whole);
@@ -189,6 +191,20 @@ impl Difference {
             }
         }
     }
+}
+
+/// How something that is no image differs.
+fn of_file(recipe: &str, old: &Output, new: &Output) -> String {
+    let read = |path: &Path| Real.read(path, OUTPUT_LIMIT).ok();
+    let both = read(&copy_path(&old.blake3)).zip(read(&Path::new(OUT).join(recipe).join(&new.name)));
+    let said = match (old.kind, new.kind, both) {
+        (Kind::Mesh, Kind::Mesh, Some((a, b))) => compare_glb(&a, &b).unwrap_or_default(),
+        _ => Vec::new(),
+    };
+    // More than this says no more.
+    let more = (said.len() > 8).then(|| format!("and {} more", said.len() - 8));
+    let lines = ["the content differs".to_string()].into_iter().chain(said.into_iter().take(8)).chain(more);
+    lines.collect::<Vec<_>>().join("\n")
 }
 
 /// Where only a thumbnail of what was accepted is here, or not even that.

@@ -83,6 +83,8 @@ pub(super) fn store(recipe: &Recipe, baked: &Baked, old: &Book, accepted: impl F
         if let Some(pixels) = baked.images.get(&output.name) {
             let path = picture_path(name, &output.name);
             write(&path, &png(&picture(output.kind, output.tolerance.as_ref(), pixels))?)?;
+        }
+        if output.kind != Kind::File {
             let bytes = Real.read(&file, OUTPUT_LIMIT).map_err(|e| failed(format!("{}: {e}", file.display())))?;
             write(&copy_path(&output.blake3), &bytes)?;
         }
