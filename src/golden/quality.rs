@@ -220,7 +220,7 @@ mod tests {
         let coarse = Image::of(&sample).resized(0.5);
         assert_eq!((coarse.width, coarse.height), (48, 48));
         let half = picture(48, 48, |x, y| coarse.texels[(y * 48 + x) as usize]);
-        let [scaled, plain] = [0.5, 1.0].map(|scale| measure(&[sample.clone()], &half, scale)["coherence"]);
+        let [scaled, plain] = [0.5, 1.0].map(|scale| measure(std::slice::from_ref(&sample), &half, scale)["coherence"]);
         assert!(scaled == 0.0 && plain > 3.0, "{scaled} {plain}");
     }
 
@@ -235,7 +235,7 @@ mod tests {
     #[test]
     fn small_pictures_have_no_figures() {
         let tiny = picture(8, 8, other);
-        assert!(measure(&[tiny.clone()], &picture(64, 64, other), 1.0).is_empty());
+        assert!(measure(std::slice::from_ref(&tiny), &picture(64, 64, other), 1.0).is_empty());
         assert!(measure(&[picture(64, 64, other)], &tiny, 1.0).is_empty());
         assert!(measure(&[], &picture(64, 64, other), 1.0).is_empty());
     }

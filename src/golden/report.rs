@@ -1,7 +1,7 @@
 //! What a check found: for people as a page, for build servers as JUnit XML, for programs as JSON.
 //!
 //! The page is one file that loads nothing: styles and script inline, pictures as data URIs, what was found as the JSON
-//! of [`json`] with pictures. The JSON is a contract, raised to another version when a field changes its meaning or goes:
+//! of [`json()`] with pictures. The JSON is a contract, raised to another version when a field changes its meaning or goes:
 //!
 //! ```json
 //! {"version": 1, "seconds": 1.5,

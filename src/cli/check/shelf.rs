@@ -116,23 +116,26 @@ pub(super) fn stale() -> Result<Vec<Stale>, Stop> {
         let Some(first) = below.iter().next().and_then(|part| part.to_str()).filter(|_| !hidden) else { continue };
         let in_folder = below.iter().count() > 1;
         let recipe = if in_folder { first } else { first.strip_suffix(".toml").unwrap_or(first) };
-        let why = match (in_folder, extension) {
-            (false, Some("toml")) if !recipes.contains(recipe) => format!("there is no recipe `{recipe}` in recipes/"),
-            (true, Some("png")) if !recipes.contains(recipe) => format!("there is no recipe `{recipe}` in recipes/"),
-            (true, Some("png")) => match {
-                if last.0 != recipe {
-                    last = (recipe.to_string(), read_book(recipe));
-                }
-                &last.1
-            } {
+        let is_picture = in_folder && extension == Some("png");
+        let is_book = !in_folder && extension == Some("toml");
+        let why = if !is_picture && !is_book {
+            continue;
+        } else if !recipes.contains(recipe) {
+            format!("there is no recipe `{recipe}` in recipes/")
+        } else if is_book {
+            continue;
+        } else {
+            if last.0 != recipe {
+                last = (recipe.to_string(), read_book(recipe));
+            }
+            match &last.1 {
                 Ok(Some(book)) if book.outputs.iter().all(|o| picture_path(recipe, &o.name) != file) => {
                     format!("{} names no such output", book_path(recipe).display())
                 }
                 Ok(None) => format!("there is no {}", book_path(recipe).display()),
                 // A book that cannot be read says so elsewhere.
                 _ => continue,
-            },
-            _ => continue,
+            }
         };
         let recipe = recipe.to_string();
         found.push(Stale { file, recipe, why });
