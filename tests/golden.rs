@@ -178,6 +178,11 @@ fn one_changed_pixel_is_found_and_tolerances_judge_it() {
         assert_eq!(entry(&with(short).expect(1), COLOR)["status"], "different", "{short}");
     }
     assert!(with("").expect(2).err.contains("`tolerance` is empty"));
+    // Where outputs may differ, what they are made of may, too.
+    with("max = 1").expect(0);
+    forge(&project, "one", "analyse", "artefact", &"0".repeat(64));
+    let ran = project.kiln(&["check", "one", "--format", "json"]).expect(0);
+    assert_eq!(entry(&ran, "step analyse")["status"], "tolerated");
 }
 
 #[test]
@@ -239,7 +244,7 @@ fn a_forgotten_revision_is_found() {
     // As if the code of a step gave something else now than when it was accepted.
     forge(&project, "one", "unwrap", "artefact", &"0".repeat(64));
     let ran = project.kiln(&["check"]).expect(1);
-    for said in ["different one/step unwrap", "revision was not raised", "\n1 of "] {
+    for said in ["different one/step unwrap", "first step that differs: unwrap", "revision was not raised", "\n1 of "] {
         assert!(ran.out.contains(said), "{said} is missing:\n{}", ran.out);
     }
     // With a new revision it is not the outputs' business, as they are the same.
@@ -257,6 +262,10 @@ fn a_changed_analysis_is_found_by_itself() {
     let book = text(&project, "golden/two.toml");
     let at = book.find("name = \"analyse\"").expect("a step");
     project.write("golden/two.toml", [&book[..at], &book[at..].replacen("revision = ", "revision = 1", 1)].concat());
+    let (said, _) = review(&project, "");
+    assert_eq!(said, "", "quiet");
+    let ran = project.kiln(&["accept", "--review"]).expect(0);
+    assert!(ran.out.contains("two: outputs are as accepted, its analysis is not"), "{}", ran.out);
     let ran = project.kiln(&["check"]).expect(1);
     assert!(ran.out.contains("different two/step analyse") && ran.out.contains("step revision 1"), "{}", ran.out);
 }

@@ -149,7 +149,7 @@ fn verdicts(global: &Global, findings: &Findings) -> String {
     let mut text = String::new();
     for e in entries.iter().filter(|e| e.status != Status::Same || global.verbose > 0) {
         text += &format!("{:9} {}/{}\n", e.status.name(), e.recipe, e.output);
-        for line in e.message.lines() {
+        for line in e.told().lines() {
             text += &format!("          {line}\n");
         }
     }

@@ -103,7 +103,7 @@ pub struct Entry {
     pub kind: &'static str,
     /// How it ended.
     pub status: Status,
-    /// For people, one line each.
+    /// What was found, in words; one line each.
     pub message: String,
     /// How much it differs, if it is an image and what was accepted is here.
     pub figures: Option<Figures>,
@@ -115,6 +115,37 @@ pub struct Entry {
     pub accept: String,
     /// What can be shown.
     pub pictures: Pictures,
+}
+
+impl Entry {
+    /// Everything there is to say of it in words: what was found, where it began, what it did to the quality, and the
+    /// command that accepts it.
+    pub fn told(&self) -> String {
+        let mut lines: Vec<String> = self.message.lines().map(String::from).collect();
+        lines.extend(self.change.as_ref().map(first_step));
+        lines.extend(moved(&self.quality));
+        // What is stale is not accepted but removed, and says so.
+        let is_acceptable = !self.accept.is_empty() && self.status != Status::Stale;
+        lines.extend(is_acceptable.then(|| format!("accept it by: {}", self.accept)));
+        lines.join("\n")
+    }
+}
+
+/// The first step that differs, and why, in a line.
+pub fn first_step(change: &Change) -> String {
+    let why = if change.reasons.is_empty() { String::new() } else { format!(": {}", change.reasons.join("; ")) };
+    format!("first step that differs: {}{why}", change.step)
+}
+
+/// A line for each figure of quality that moved: lower is better.
+pub fn moved(quality: &BTreeMap<String, (Option<f64>, Option<f64>)>) -> Vec<String> {
+    let line = |(name, values): (&String, &(Option<f64>, Option<f64>))| match values {
+        (Some(a), Some(b)) if a == b => None,
+        (Some(a), Some(b)) => Some(format!("{name} {a} -> {b}: {}", if b < a { "better" } else { "worse" })),
+        (None, Some(b)) => Some(format!("{name} {b}")),
+        _ => None,
+    };
+    quality.iter().filter_map(line).collect()
 }
 
 /// How long a recipe took.
@@ -223,7 +254,7 @@ pub fn junit(findings: &Findings) -> String {
         for e in suite {
             let case = format!("    <testcase classname=\"{recipe}\" name=\"{}\"", escape(&e.output));
             let _ = if e.status.is_failure() {
-                let (status, text) = (e.status.name(), escape(&e.message));
+                let (status, text) = (e.status.name(), escape(&e.told()));
                 writeln!(out, "{case}>\n      <failure message=\"{status}\">{text}</failure>\n    </testcase>")
             } else {
                 writeln!(out, "{case}/>")
@@ -273,6 +304,7 @@ mod tests {
                 pictures: Pictures { actual: Some(picture), ..Pictures::default() },
                 figures: Some(Figures { max: 3.0, mean: 0.5, share: 0.25, flip: 0.125, worst: [5, 7] }),
                 quality: [("swd".to_string(), (Some(20.5), Some(19.0)))].into(),
+                accept: "kiln accept knot".into(),
                 change: Some(Change { step: "analyse".into(), reasons: vec!["why".into()], is_unexplained: false }),
                 ..entry("knot", "b</script>&\".png", Status::Different, "max 3 < 4\u{1b}")
             },
@@ -289,7 +321,10 @@ mod tests {
   <testsuite name=\"knot\" tests=\"2\" failures=\"1\" time=\"1.250\">
     <testcase classname=\"knot\" name=\"a.png\"/>
     <testcase classname=\"knot\" name=\"b&lt;/script&gt;&amp;&quot;.png\">
-      <failure message=\"different\">max 3 &lt; 4\u{fffd}</failure>
+      <failure message=\"different\">max 3 &lt; 4\u{fffd}
+first step that differs: analyse: why
+swd 20.5 -&gt; 19: better
+accept it by: kiln accept knot</failure>
     </testcase>
   </testsuite>
   <testsuite name=\"spot\" tests=\"1\" failures=\"0\" time=\"0.000\">
@@ -298,6 +333,21 @@ mod tests {
 </testsuites>
 ";
         assert_eq!(junit(&findings()), expected);
+    }
+
+    #[test]
+    fn figures_that_moved_are_better_or_worse() {
+        let both = |pairs: &[(&str, Option<f64>, Option<f64>)]| {
+            moved(&pairs.iter().map(|(n, a, b)| (n.to_string(), (*a, *b))).collect())
+        };
+        let said = both(&[
+            ("a", Some(2.0), Some(1.5)),
+            ("b", Some(2.0), Some(2.0)),
+            ("c", Some(1.0), Some(3.0)),
+            ("d", None, Some(4.0)),
+            ("e", Some(4.0), None),
+        ]);
+        assert_eq!(said, ["a 2 -> 1.5: better", "c 1 -> 3: worse", "d 4"]);
     }
 
     #[test]

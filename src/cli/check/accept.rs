@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 
 use crate::disk::{Disk, Real};
 use crate::golden::book::{Book, Outcome, Output, Verdict, compare_book, first_change};
+use crate::golden::report::{first_step, moved};
 use crate::recipe::Recipe;
 
 use super::baked::{Baked, Known};
-use super::judge::{Difference, first_step, moved, quality};
+use super::judge::{Difference, quality};
 use super::{failed, recipe_of, shelf};
 use crate::cli::args::{Accept, Global};
 use crate::cli::bake::build;
@@ -47,6 +48,14 @@ pub(in crate::cli) fn run(global: &Global, accept: &Accept) -> Result<Done, Stop
             }
         }
         let (is_whole, is_all) = (chosen.is_whole(&recipe.name), accepted.len() == changed.len());
+        let is_other = |step: &String| {
+            old.step(step).is_some_and(|s| baked.book.step(step).is_some_and(|n| n.artefact != s.artefact))
+        };
+        if accept.review && changed.is_empty() && baked.analyses.iter().any(is_other) {
+            let name = &recipe.name;
+            text +=
+                &format!("{name}: outputs are as accepted, its analysis is not; to accept it: kiln accept {name}\n");
+        }
         // A review that changes nothing writes nothing; without one the rest of the book is brought up to date.
         if !accepted.is_empty() || (is_whole && is_all && !accept.review) {
             shelf::store(recipe, &baked, &old, |name| accepted.contains(&name))?;
@@ -245,7 +254,7 @@ fn card(recipe: &Recipe, old: &Book, baked: &Baked, verdict: &Verdict) -> String
     if let Outcome::Different { expected, actual } = &verdict.outcome {
         say(&Difference::of(name, expected, actual, baked.images.get(output)).said);
     }
-    say(&moved(&quality(before, now.map(|o| baked.figures(recipe, o)))));
+    say(&moved(&quality(before, now.map(|o| baked.figures(recipe, o)))).join("\n"));
     if let Some(change) = first_change(old, &baked.book).filter(|_| before.is_some()) {
         say(&first_step(&change));
     }
