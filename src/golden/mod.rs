@@ -1,9 +1,9 @@
 //! Golden records: what a bake came out as when somebody looked and agreed.
 //!
-//! [`digest`] names decoded content, [`book`] keeps the names of a recipe's outputs and compares them, [`compare`],
-//! [`compare_glb`] and [`flip`] measure and show how two outputs differ, [`quality`] how well a texture reproduces its sample,
-//! [`report`] writes it all down for people and for build servers. Values in, values out: whoever calls reads and writes the
-//! files.
+//! [`digest`] names decoded content, [`book`] keeps the names of a recipe's outputs and compares them, [`change`] tells
+//! where they went another way, [`compare`], [`compare_glb`] and [`flip`] measure and show how two outputs differ, [`quality`]
+//! how well a texture reproduces its sample, [`report`] writes it all down for people and for build servers. Values in,
+//! values out: whoever calls reads and writes the files.
 //!
 //! # How it is worked with
 //!
@@ -23,6 +23,7 @@
 
 mod base64;
 pub mod book;
+pub mod change;
 pub mod compare;
 pub mod compare_glb;
 pub mod digest;

@@ -16,7 +16,7 @@
 //! `status` is one of [`Status::name`]; what is not known is null or empty. Unaware of: files, how things are compared.
 
 use super::base64;
-use super::book::Change;
+use super::change::Change;
 use crate::io::Pixels;
 use crate::io::image_file::{Compression, Transfer, encode_png};
 use serde_json::{Value, json};

@@ -4,7 +4,8 @@ use std::io::{BufRead, Write};
 use std::path::{Path, PathBuf};
 
 use crate::disk::{Disk, Real};
-use crate::golden::book::{Book, Outcome, Output, Verdict, compare_book, first_change};
+use crate::golden::book::{Book, Outcome, Output, Verdict, compare_book};
+use crate::golden::change::first_change;
 use crate::golden::report::{first_step, moved};
 use crate::recipe::Recipe;
 

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::disk::{Disk, Real};
-use crate::golden::book::{Book, Change, Kind, Outcome, Output, compare_book, first_change};
+use crate::golden::book::{Book, Kind, Outcome, Output, compare_book};
+use crate::golden::change::{Change, first_change};
 use crate::golden::compare::{beside, compare, panels};
 use crate::golden::compare_glb::compare_glb;
 use crate::golden::digest::digest_pixels;
