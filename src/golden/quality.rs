@@ -20,8 +20,11 @@ use crate::io::Pixels;
 use crate::numerics::rng::Key;
 use std::collections::BTreeMap;
 
-/// Places that are looked at to say whether a picture is flat, and the share of a patch that is.
+/// A patch is flat if more than one in so many of its texels is like its right neighbour.
 const FLAT_SHARE: usize = 3;
+/// Of larger pictures so many windows a side are looked at, spread over all, of so many texels a side.
+const WINDOWS: u32 = 4;
+const WINDOW: u32 = 256;
 
 /// Colours as they are shown, row by row.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,9 +39,27 @@ type Corner = (usize, usize, usize);
 
 impl Image {
     fn of(pixels: &Pixels) -> Image {
-        let rows = (0..pixels.height).flat_map(|y| (0..pixels.width).map(move |x| (x, y)));
+        Image::window(pixels, [0, 0], [pixels.width, pixels.height])
+    }
+
+    /// The texels from a place on.
+    fn window(pixels: &Pixels, [left, top]: [u32; 2], [width, height]: [u32; 2]) -> Image {
+        let rows = (top..top + height).flat_map(|y| (left..left + width).map(move |x| (x, y)));
         let texels = rows.map(|(x, y)| shown(pixels, x, y).unwrap_or_default()).collect();
-        Image { width: pixels.width as usize, height: pixels.height as usize, texels }
+        Image { width: width as usize, height: height as usize, texels }
+    }
+
+    /// A picture, or windows of `side` texels of one that is larger than they are together.
+    fn parts(pixels: &Pixels, side: u32) -> Vec<Image> {
+        let texels = u64::from(pixels.width) * u64::from(pixels.height);
+        if texels <= (u64::from(WINDOWS) * u64::from(side)).pow(2) {
+            return vec![Image::of(pixels)];
+        }
+        let [width, height] = [pixels.width, pixels.height].map(|n| n.min(side));
+        let at = |i: u32, n: u32, size: u32| (u64::from(n - size) * u64::from(i) / u64::from(WINDOWS - 1)) as u32;
+        let places = (0..WINDOWS * WINDOWS)
+            .map(|i| [at(i % WINDOWS, pixels.width, width), at(i / WINDOWS, pixels.height, height)]);
+        places.map(|place| Image::window(pixels, place, [width, height])).collect()
     }
 
     /// Another size by a triangle filter that is as wide as a texel of the coarser image.
@@ -130,23 +151,26 @@ fn draw(images: &[Image], size: usize, count: usize, keep: impl Fn(Corner) -> bo
 ///
 /// `scale` is the output's texels per texel of the samples, along a side.
 pub fn measure(samples: &[Pixels], output: &Pixels, scale: f64) -> BTreeMap<String, f64> {
-    let mut samples: Vec<Image> = samples.iter().map(Image::of).collect();
-    if !(0.99..=1.01).contains(&scale) && scale.is_finite() {
-        // Beyond this it says nothing any more.
-        let scale = scale.clamp(1.0 / 64.0, 8.0);
+    // Beyond these it says nothing any more.
+    let scale = if scale.is_finite() { scale.clamp(1.0 / 64.0, 8.0) } else { 1.0 };
+    let side = (f64::from(WINDOW) / scale.min(1.0)).ceil() as u32;
+    let mut samples: Vec<Image> = samples.iter().flat_map(|s| Image::parts(s, side)).collect();
+    if !(0.99..=1.01).contains(&scale) {
         samples = samples.iter().map(|s| s.resized(scale)).collect();
     }
-    samples.retain(|s| s.width.min(s.height) >= coherence::PATCH + 2);
-    let output = [Image::of(output)];
-    if samples.is_empty() || output[0].width.min(output[0].height) < coherence::PATCH + 2 {
+    let mut output = Image::parts(output, WINDOW);
+    for images in [&mut samples, &mut output] {
+        images.retain(|i| i.width.min(i.height) >= coherence::PATCH + 2);
+    }
+    if samples.is_empty() || output.is_empty() {
         return BTreeMap::new();
     }
     let places = draw(&samples, coherence::PATCH, 1000, |_| true);
     let flat = places.iter().filter(|(i, x, y)| samples[*i].is_flat(coherence::PATCH, (*x, *y))).count();
     let keep_flat = flat * 50 > places.len();
     let keep = |size: usize| {
-        let output = &output[0];
-        move |(_, x, y): Corner| keep_flat || !output.is_flat(size, (x, y))
+        let output = &output;
+        move |(i, x, y): Corner| keep_flat || !output[i].is_flat(size, (x, y))
     };
     let mut figures = BTreeMap::new();
     if let Some(swd) = swd::distance(&samples, &output, keep(swd::PATCH)) {
@@ -230,6 +254,18 @@ mod tests {
         let filled = picture(128, 128, |x, y| if x < 64 { bricks(x, y) } else { [(x / 16) as u8 * 9, 100, 200] });
         assert!(measure(&sample, &filled, 1.0)["coherence"] < 8.0);
         assert!(measure(&sample, &picture(64, 64, |_, _| [7; 3]), 1.0).is_empty(), "nothing is left");
+    }
+
+    #[test]
+    fn large_pictures_are_looked_at_in_windows() {
+        let large = picture(1500, 1000, |x, y| [(x / 8) as u8, (y / 8) as u8, 0]);
+        let parts = Image::parts(&large, 256);
+        assert_eq!((parts.len(), parts[0].width, parts[15].height), (16, 256, 256));
+        assert_eq!((parts[0].texels[0], parts[15].texels.last()), ([0, 0, 0], Some(&[187, 124, 0])));
+        let long = picture(2000, 600, |_, _| [0; 3]);
+        assert_eq!(Image::parts(&long, 256)[5].height, 256);
+        assert_eq!(Image::parts(&picture(1024, 1024, |_, _| [0; 3]), 256).len(), 1);
+        assert_eq!(Image::parts(&picture(20_000, 60, |_, _| [0; 3]), 256)[15].height, 60);
     }
 
     #[test]

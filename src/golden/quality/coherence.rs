@@ -12,9 +12,9 @@ pub(super) const PATCH: usize = 9;
 const BLOCK: usize = 3;
 const BLOCKS: usize = (PATCH / BLOCK) * (PATCH / BLOCK) * 3;
 const VALUES: i64 = (PATCH * PATCH * 3) as i64;
-/// Patches of the output that are looked up, and of the samples at most to look them up in.
+/// Patches of the output that are looked up, and of the samples at most to look them up in: all of 512 x 512 texels.
 const QUERIES: usize = 1024;
-const CANDIDATES: usize = 1 << 17;
+const CANDIDATES: usize = 1 << 18;
 
 /// A patch by its sums.
 struct Sums {
@@ -24,7 +24,7 @@ struct Sums {
 }
 
 /// Mean and 95th percentile over the output's patches; `None` if there are none.
-pub(super) fn distance(samples: &[Image], output: &[Image; 1], keep: impl Fn(Corner) -> bool) -> Option<[f64; 2]> {
+pub(super) fn distance(samples: &[Image], output: &[Image], keep: impl Fn(Corner) -> bool) -> Option<[f64; 2]> {
     let queries = draw(output, PATCH, QUERIES, keep);
     let candidates = draw(samples, PATCH, CANDIDATES, |_| true);
     if queries.is_empty() || candidates.is_empty() {
@@ -59,7 +59,7 @@ fn sums(images: &[Image], at: Corner) -> Sums {
 }
 
 /// Square of the distance to the nearest candidate.
-fn nearest(samples: &[Image], table: &[Sums], output: &[Image; 1], at: Corner) -> i64 {
+fn nearest(samples: &[Image], table: &[Sums], output: &[Image], at: Corner) -> i64 {
     let query = sums(output, at);
     let mut best = i64::MAX;
     let middle = table.partition_point(|s| s.total < query.total);

@@ -26,7 +26,7 @@ struct Level {
 }
 
 /// The mean over the levels, x1000; `None` if nothing can be compared.
-pub(super) fn distance(samples: &[Image], output: &[Image; 1], keep: impl Fn(Corner) -> bool) -> Option<f64> {
+pub(super) fn distance(samples: &[Image], output: &[Image], keep: impl Fn(Corner) -> bool) -> Option<f64> {
     let pyramid = |image: &Image| laplacian(image);
     let a: Vec<Vec<Level>> = samples.iter().map(pyramid).collect();
     let b: Vec<Vec<Level>> = output.iter().map(pyramid).collect();
@@ -38,7 +38,7 @@ pub(super) fn distance(samples: &[Image], output: &[Image; 1], keep: impl Fn(Cor
         };
         // Flatness is a matter of the finest level.
         let at = |v: usize, side: usize| (v << level).min(side - PATCH);
-        let keep = |(i, x, y): Corner| keep((i, at(x, output[0].width), at(y, output[0].height)));
+        let keep = |(i, x, y): Corner| keep((i, at(x, output[i].width), at(y, output[i].height)));
         let at_b = draw(&shape(&b), PATCH, PATCHES, keep);
         let at_a = draw(&shape(&a), PATCH, PATCHES, |_| true);
         // As many of both, spread over all.
