@@ -30,6 +30,7 @@ mod codec;
 mod critical;
 mod dead;
 mod depfile;
+mod described;
 mod digest;
 mod explain;
 mod graph;
@@ -55,6 +56,7 @@ mod world;
 
 pub use cache::{Cache, Copied, Record, Size};
 pub use depfile::depfile;
+pub use described::Described;
 pub use digest::Digest;
 pub use graph::{Bytes, Graph, GraphError, InputId, Inputs, Step, StepError, StepId, Visitor};
 pub use options::{Error, Options};

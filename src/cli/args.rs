@@ -126,12 +126,16 @@ Example:
     #[command(after_help = "\
 Examples:
   kiln check
-  kiln check --report report.html --junit report.xml")]
+  kiln check --report report.html --junit report.xml
+  kiln check --twice                   is every step the same in another process with other threads?")]
     Check(Check),
     /// Make the present outputs golden
     #[command(after_help = "\
 Examples:
   kiln accept statue
+  kiln accept 'statue*' 'vase/render/*'
+  kiln accept --review                 look at what changed, one by one
+  kiln accept --prune -n               which goldens belong to nothing any more
   kiln accept                          every recipe")]
     Accept(Accept),
     /// Show what would run and why
@@ -217,20 +221,32 @@ pub struct Check {
     /// What to check.
     #[command(flatten)]
     pub recipes: Recipes,
-    /// Write a page with expected, difference and actual
+    /// Write a page to look through: expected, difference and actual, figures, what moved
     #[arg(long, value_name = "FILE.html", value_hint = ValueHint::FilePath)]
     pub report: Option<PathBuf>,
     /// Write the results as JUnit XML
     #[arg(long, value_name = "FILE.xml", value_hint = ValueHint::FilePath)]
     pub junit: Option<PathBuf>,
+    /// Bake every step again in a fresh process with another number of threads, and compare each artefact
+    #[arg(long)]
+    pub twice: bool,
+    /// Bake every step apart from the outputs and the cache, and write the names of the artefacts (of --twice)
+    #[arg(long, value_name = "FILE", hide = true)]
+    pub artefacts: Option<PathBuf>,
 }
 
 /// `kiln accept`.
 #[derive(Clone, Debug, Args)]
 pub struct Accept {
-    /// Names of recipes; default: all
+    /// Recipes, or outputs as RECIPE/OUTPUT; * and ? stand for anything. Default: all
     #[arg(value_name = "NAME")]
     pub names: Vec<String>,
+    /// Show each output that changed and ask
+    #[arg(long)]
+    pub review: bool,
+    /// Accept nothing; remove goldens that belong to no recipe or output
+    #[arg(long, conflicts_with_all = ["review", "names"])]
+    pub prune: bool,
     /// Accept even where CI is set
     #[arg(long)]
     pub force: bool,

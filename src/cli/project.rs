@@ -32,6 +32,8 @@ const RECIPE_LIMIT: u64 = recipe::limits::FILE_BYTES;
 pub(super) struct Loaded {
     pub graph: Graph,
     pub planned: Vec<Planned>,
+    /// The recipes as they were read; also those that could not be planned.
+    pub recipes: Vec<Recipe>,
     /// Recipes that could not be planned, with the reason.
     pub broken: Vec<(String, String)>,
     /// Whether some recipes are wrong in themselves: they are among the broken ones.
@@ -51,6 +53,11 @@ pub(super) struct Loaded {
 
 /// Loads the recipes named on the command line, or all of `recipes/`.
 pub(super) fn load(global: &Global, wanted: &[PathBuf]) -> Result<Loaded, Stop> {
+    load_into(global, wanted, Path::new(OUT))
+}
+
+/// As [`load`], with outputs below another folder.
+pub(super) fn load_into(global: &Global, wanted: &[PathBuf], out: &Path) -> Result<Loaded, Stop> {
     let disk = Real;
     let own = Path::new(OWN);
     let clock = if global.dry_run { Clock::stopped(&disk) } else { Clock::new(&disk, own.join("clock")) };
@@ -72,6 +79,7 @@ pub(super) fn load(global: &Global, wanted: &[PathBuf]) -> Result<Loaded, Stop> 
     let mut loaded = Loaded {
         graph: Graph::new(),
         planned: Vec::new(),
+        recipes: Vec::new(),
         faulty: !faults.is_empty(),
         broken: faults,
         looks: trusted.then_some(looks),
@@ -82,7 +90,7 @@ pub(super) fn load(global: &Global, wanted: &[PathBuf]) -> Result<Loaded, Stop> 
     };
     let mut scenes = Scenes::open(&disk, &own.join("scenes"), clock);
     for recipe in &recipes {
-        match plan::add(&mut loaded.graph, recipe, Path::new(OUT), &disk, &mut scenes) {
+        match plan::add(&mut loaded.graph, recipe, out, &disk, &mut scenes) {
             Ok(planned) => loaded.planned.push(planned),
             Err(e) => loaded.broken.push((recipe.name.clone(), e.to_string())),
         }
@@ -95,6 +103,7 @@ pub(super) fn load(global: &Global, wanted: &[PathBuf]) -> Result<Loaded, Stop> 
         // Without it the scenes are read again.
         let _ = scenes.save(&own.join("scenes"), loaded.options.whole_tree);
     }
+    loaded.recipes = recipes;
     Ok(loaded)
 }
 
@@ -185,7 +194,7 @@ fn colored() -> bool {
 }
 
 /// The recipes directly in `recipes/`, sorted.
-fn all(disk: &dyn Disk) -> Result<Vec<PathBuf>, Stop> {
+pub(super) fn all(disk: &dyn Disk) -> Result<Vec<PathBuf>, Stop> {
     let folder = Path::new("recipes");
     let mut files = disk.list(folder).map_err(|e| Stop::Usage(format!("recipes/: {e}")))?;
     // Hidden files are editors' own.

@@ -17,6 +17,7 @@ const HEADER: &str = "\
 # Golden record of kiln: what this recipe came out as when somebody looked and agreed.
 # `kiln check` compares with it, `kiln accept` writes it. By hand, change nothing but tolerances, such as
 #   tolerance = { max = 1.0, mean = 0.01 }    # in steps of 8 bits; for EXR in its own values
+#   tolerance = { share = 0.001, flip = 0.01 }    # share of the texels that differ; difference to the eye, 0 to 1
 ";
 
 /// What an output is.
@@ -34,7 +35,8 @@ pub enum Kind {
 }
 
 impl Kind {
-    fn name(self) -> &'static str {
+    /// The word for it.
+    pub fn name(self) -> &'static str {
         match self {
             Kind::Map => "map",
             Kind::Render => "render",
@@ -44,20 +46,29 @@ impl Kind {
     }
 }
 
-/// How far an image may be from the accepted one.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+/// How far an image may be from the accepted one: by every figure that is given, and at least one is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tolerance {
     /// Greatest difference of a sample, in the units of [`Difference`].
-    pub max: f64,
+    pub max: Option<f64>,
     /// Mean difference over all samples.
-    pub mean: f64,
+    pub mean: Option<f64>,
+    /// Share of the texels of which any sample differs, 0..=1.
+    pub share: Option<f64>,
+    /// Difference to the eye, 0..=1: see [`super::flip`].
+    pub flip: Option<f64>,
 }
 
 impl Tolerance {
-    /// True if the difference is within the tolerance.
-    pub fn allows(&self, difference: &Difference) -> bool {
-        difference.max <= self.max && difference.mean <= self.mean
+    /// True if the difference, and `flip` to the eye, are within the tolerance.
+    pub fn allows(&self, difference: &Difference, flip: f64) -> bool {
+        let found = [difference.max, difference.mean, difference.differing_share, flip];
+        self.limits().iter().zip(found).all(|((_, limit), found)| limit.is_none_or(|limit| found <= limit))
+    }
+
+    fn limits(&self) -> [(&'static str, Option<f64>); 4] {
+        [("max", self.max), ("mean", self.mean), ("share", self.share), ("flip", self.flip)]
     }
 }
 
@@ -83,13 +94,21 @@ pub struct Output {
 }
 
 /// A step of the graph and the digest of its artefact.
-#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Step {
     /// The step's name in the graph.
     pub name: String,
     /// Digest of what it made, 64 hexadecimal digits.
     pub artefact: String,
+    /// The revision of its code; older books lack it and what follows.
+    pub revision: Option<u32>,
+    /// Its parameters as the engine shows them.
+    #[serde(default)]
+    pub params: BTreeMap<String, String>,
+    /// Digests of the files that it reads itself, by path.
+    #[serde(default)]
+    pub files: BTreeMap<String, String>,
 }
 
 /// A golden book.
@@ -192,8 +211,9 @@ impl Book {
                 line("channels", channels.to_string());
             }
             line("blake3", text(&o.blake3));
-            if let Some(Tolerance { max, mean }) = o.tolerance {
-                line("tolerance", format!("{{ max = {max:?}, mean = {mean:?} }}"));
+            if let Some(tolerance) = o.tolerance {
+                let limits = tolerance.limits().into_iter().filter_map(|(k, v)| Some(format!("{k} = {:?}", v?)));
+                line("tolerance", format!("{{ {} }}", limits.collect::<Vec<_>>().join(", ")));
             }
             if !o.quality.is_empty() {
                 let figures: Vec<String> = o.quality.iter().map(|(k, v)| format!("{} = {v:?}", text(k))).collect();
@@ -202,6 +222,16 @@ impl Book {
         }
         for s in &book.steps {
             let _ = write!(out, "\n[[step]]\nname = {}\nartefact = {}\n", text(&s.name), text(&s.artefact));
+            if let Some(revision) = s.revision {
+                let _ = writeln!(out, "revision = {revision}");
+            }
+            for (key, values) in [("params", &s.params), ("files", &s.files)] {
+                if !values.is_empty() {
+                    let values: Vec<String> =
+                        values.iter().map(|(k, v)| format!("{} = {}", text(k), text(v))).collect();
+                    let _ = writeln!(out, "{key} = {{ {} }}", values.join(", "));
+                }
+            }
         }
         Ok(out)
     }
@@ -220,10 +250,15 @@ impl Book {
             return fault(&twice[0].name, "the output is listed twice".into());
         }
         for output in &self.outputs {
-            if let Some(Tolerance { max, mean }) = output.tolerance
-                && !(max >= 0.0 && mean >= 0.0 && max.is_finite() && mean.is_finite())
-            {
-                return fault(&output.name, format!("tolerance max {max}, mean {mean}; expected numbers from 0"));
+            let limits = output.tolerance.map(|t| t.limits());
+            if limits.is_some_and(|l| l.iter().all(|(_, limit)| limit.is_none())) {
+                return fault(&output.name, "`tolerance` is empty; expected `max`, `mean`, `share` or `flip`".into());
+            }
+            let known = limits.into_iter().flatten().filter_map(|(key, limit)| Some((key, limit?)));
+            for (key, limit) in known {
+                if !(limit >= 0.0 && limit.is_finite()) {
+                    return fault(&output.name, format!("tolerance `{key}` is {limit}; expected a number from 0"));
+                }
             }
             if let Some((figure, value)) = output.quality.iter().find(|(_, v)| !v.is_finite()) {
                 return fault(&output.name, format!("quality `{figure}` is {value}; expected a finite number"));
@@ -232,13 +267,28 @@ impl Book {
         Ok(())
     }
 
-    /// The book to write when `self` is accepted in place of `old`: tolerances are the user's and stay.
-    pub fn accepted_over(mut self, old: &Book) -> Book {
-        for output in &mut self.outputs {
-            let before = old.outputs.iter().find(|o| o.name == output.name);
-            output.tolerance = output.tolerance.or(before.and_then(|o| o.tolerance));
+    /// The book to write when the outputs that `is_accepted` names take the place of those of `old`: tolerances are the
+    /// user's and stay. Steps tell where what is not accepted went another way, so they stay as long as there is any.
+    pub fn accepted_over(&self, old: &Book, is_accepted: impl Fn(&str) -> bool) -> Book {
+        let (mut outputs, mut is_whole) = (Vec::new(), true);
+        for Verdict { name, outcome } in compare_book(old, self) {
+            let [before, now] = [old, self].map(|book| book.output(&name).cloned());
+            is_whole &= outcome == Outcome::Same || is_accepted(&name);
+            let kept = if outcome == Outcome::Same || is_accepted(&name) { now } else { before.clone() };
+            let tolerance = before.and_then(|o| o.tolerance);
+            outputs.extend(kept.map(|output| Output { tolerance: output.tolerance.or(tolerance), ..output }));
         }
-        self
+        Book::new(outputs, if is_whole { self.steps.clone() } else { old.steps.clone() })
+    }
+
+    /// The output of a name.
+    pub fn output(&self, name: &str) -> Option<&Output> {
+        self.outputs.iter().find(|o| o.name == name)
+    }
+
+    /// The step of a name.
+    pub fn step(&self, name: &str) -> Option<&Step> {
+        self.steps.iter().find(|s| s.name == name)
     }
 }
 
@@ -290,11 +340,6 @@ pub fn compare_book(expected: &Book, actual: &Book) -> Vec<Verdict> {
     verdicts
 }
 
-/// The first step, in the order of the graph, whose artefact is not the accepted one or that was not there.
-pub fn first_differing_step<'a>(expected: &Book, actual: &'a Book) -> Option<&'a Step> {
-    actual.steps.iter().find(|step| !expected.steps.contains(step))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -316,16 +361,22 @@ mod tests {
     }
 
     fn step(name: &str, c: char) -> Step {
-        Step { name: name.into(), artefact: digest(c) }
+        Step { name: name.into(), artefact: digest(c), ..Step::default() }
     }
 
     #[test]
     fn the_layout_is_this() {
         let mut knot = output("knot.base_color.png", 'b');
-        knot.tolerance = Some(Tolerance { max: 1.0, mean: 0.25 });
+        knot.tolerance = Some(Tolerance { max: Some(1.0), mean: Some(0.25), ..Tolerance::default() });
         knot.quality = [("seam".to_string(), 0.5), ("a b".to_string(), 2.0)].into();
         let mesh = Output { kind: Kind::Mesh, size: None, channels: None, ..output("knot.\"glb\"", 'a') };
-        let book = Book::new(vec![knot, mesh], vec![step("decode", 'c'), step("analyse", 'd')]);
+        let analyse = Step {
+            revision: Some(3),
+            params: [("jumps".to_string(), "3".to_string()), ("window size".into(), "\"a\"".into())].into(),
+            files: [("assets/moss.png".to_string(), digest('e'))].into(),
+            ..step("analyse", 'd')
+        };
+        let book = Book::new(vec![knot, mesh], vec![step("decode", 'c'), analyse]);
         let expected = format!(
             r#"{HEADER}kiln = 1
 
@@ -350,11 +401,15 @@ artefact = "{c}"
 [[step]]
 name = "analyse"
 artefact = "{d}"
+revision = 3
+params = {{ "jumps" = "3", "window size" = '"a"' }}
+files = {{ "assets/moss.png" = "{e}" }}
 "#,
             a = digest('a'),
             b = digest('b'),
             c = digest('c'),
-            d = digest('d')
+            d = digest('d'),
+            e = digest('e')
         );
         assert_eq!(book.to_toml().unwrap(), expected);
         assert_eq!(Book::from_toml(&expected).unwrap(), book);
@@ -370,9 +425,11 @@ artefact = "{d}"
         let entry = |rest: &str| read(&format!("kiln = 1\n[[output]]\nname = \"n\"\nkind = \"map\"\n{rest}"));
         assert_eq!(entry("blake3 = \"12\""), "golden entry `n`: `blake3` is \"12\"; expected 64 hexadecimal digits");
         let a = digest('a');
-        assert!(
-            entry(&format!("blake3 = \"{a}\"\ntolerance = {{ max = -1.0, mean = nan }}")).contains("max -1, mean NaN")
-        );
+        let tolerance = |limits: &str| entry(&format!("blake3 = \"{a}\"\ntolerance = {{ {limits} }}"));
+        assert!(tolerance("max = -1.0, mean = 1").contains("`max` is -1; expected a number from 0"));
+        assert!(tolerance("flip = nan").contains("`flip` is NaN"));
+        assert!(tolerance("").contains("`tolerance` is empty"));
+        assert!(tolerance("mox = 1").contains("unknown field `mox`"));
         assert!(entry(&format!("blake3 = \"{a}\"\nquality = {{ seam = inf }}")).contains("`seam` is inf"));
         let twice = Book::new(vec![output("n", 'a'), output("n", 'b')], vec![]);
         assert_eq!(twice.to_toml().unwrap_err().to_string(), "golden entry `n`: the output is listed twice");
@@ -406,23 +463,47 @@ artefact = "{d}"
     }
 
     #[test]
-    fn the_first_step_that_went_another_way_is_named() {
-        let old = Book::new(vec![], vec![step("decode", 'a'), step("analyse", 'b'), step("walk", 'c')]);
-        let now = Book::new(vec![], vec![step("decode", 'a'), step("analyse", 'e'), step("walk", 'f')]);
-        assert_eq!(first_differing_step(&old, &now).map(|s| s.name.as_str()), Some("analyse"));
-        assert_eq!(first_differing_step(&old, &old), None);
+    fn tolerances_survive_acceptance() {
+        let tolerance = Tolerance { max: Some(2.0), mean: Some(0.1), ..Tolerance::default() };
+        let old = Book::new(vec![Output { tolerance: Some(tolerance), ..output("a", 'a') }], vec![]);
+        let now = Book::new(vec![output("a", 'b'), output("b", 'b')], vec![]).accepted_over(&old, |_| true);
+        assert_eq!(now.outputs[0].tolerance, Some(tolerance));
+        assert_eq!(now.outputs[1].tolerance, None);
     }
 
     #[test]
-    fn tolerances_survive_acceptance() {
-        let tolerance = Tolerance { max: 2.0, mean: 0.1 };
-        let old = Book::new(vec![Output { tolerance: Some(tolerance), ..output("a", 'a') }], vec![]);
-        let now = Book::new(vec![output("a", 'b'), output("b", 'b')], vec![]).accepted_over(&old);
-        assert_eq!(now.outputs[0].tolerance, Some(tolerance));
-        assert_eq!(now.outputs[1].tolerance, None);
-        let d = |max, mean| Difference { max, mean, differing_share: 1.0, worst: [0, 0] };
-        assert!(tolerance.allows(&d(2.0, 0.1)));
-        assert!(!tolerance.allows(&d(2.1, 0.1)));
-        assert!(!tolerance.allows(&d(2.0, f64::NAN)));
+    fn a_tolerance_holds_by_each_of_its_figures() {
+        let d = |max, mean, differing_share| Difference { max, mean, differing_share, worst: [0, 0] };
+        let limits = [Some(2.0), Some(0.1), Some(0.5), Some(0.05)];
+        let [max, mean, share, flip] = limits;
+        let all = Tolerance { max, mean, share, flip };
+        assert!(all.allows(&d(2.0, 0.1, 0.5), 0.05));
+        for (difference, flip) in [
+            (d(2.1, 0.1, 0.5), 0.05),
+            (d(2.0, f64::NAN, 0.5), 0.05),
+            (d(2.0, 0.1, 0.51), 0.05),
+            (d(2.0, 0.1, 0.5), 0.06),
+        ] {
+            assert!(!all.allows(&difference, flip), "{difference:?}");
+        }
+        let eye = Tolerance { flip, ..Tolerance::default() };
+        assert!(eye.allows(&d(255.0, 99.0, 1.0), 0.05) && !eye.allows(&d(0.1, 0.1, 0.1), 0.06));
+    }
+
+    #[test]
+    fn outputs_are_accepted_one_by_one() {
+        let old = Book::new(vec![output("a", 'a'), output("b", 'a'), output("gone", 'a')], vec![step("walk", 'a')]);
+        let now = Book::new(vec![output("a", 'b'), output("b", 'b'), output("new", 'b')], vec![step("walk", 'b')]);
+        let part = now.accepted_over(&old, |name| name == "a");
+        let digests = |book: &Book| -> Vec<(String, String)> {
+            book.outputs.iter().map(|o| (o.name.clone(), o.blake3[..1].to_string())).collect()
+        };
+        let pairs = |of: [(&str, &str); 3]| of.map(|(n, d)| (n.to_string(), d.to_string()));
+        assert_eq!(digests(&part), pairs([("a", "b"), ("b", "a"), ("gone", "a")]));
+        assert_eq!(part.steps, old.steps, "the rest is still to be explained");
+        let rest = now.accepted_over(&part, |name| name != "a");
+        assert_eq!((digests(&rest), &rest.steps), (pairs([("a", "b"), ("b", "b"), ("new", "b")]).to_vec(), &now.steps));
+        let without_gone = now.accepted_over(&old, |name| name != "gone");
+        assert!(without_gone.output("gone").is_some() && without_gone.steps == old.steps);
     }
 }

@@ -125,16 +125,16 @@ const GAP_COLOR: [u8; 3] = [40, 40, 40];
 /// What lies outside of the smaller of two images of different sizes.
 const ABSENT: [u8; 3] = [255, 0, 255];
 
-/// Expected, difference and actual side by side, as 8-bit sRGB without alpha.
+/// Expected, difference and actual, as 8-bit sRGB without alpha, all of one size.
 ///
 /// Each panel is reduced by a whole factor to at most `panel` texels a side. The difference is amplified until its
 /// greatest value is white, and a reduced texel shows the greatest difference in it, so that one odd texel stays in
 /// sight. Floats are shown as linear colour clamped to 0..1, transparency as mid-grey. Images of different shapes are
 /// laid over each other at the top left; what only one of them has is magenta.
-pub fn triptych(expected: &Pixels, actual: &Pixels, panel: u32) -> Pixels {
+pub fn panels(expected: &Pixels, actual: &Pixels, panel: u32) -> [Pixels; 3] {
     let (w, h) = (expected.width.max(actual.width), expected.height.max(actual.height));
     let factor = w.max(h).div_ceil(panel.max(1));
-    let (pw, ph) = (w.div_ceil(factor), h.div_ceil(factor));
+    let (width, height) = (w.div_ceil(factor), h.div_ceil(factor));
     let difference = |x, y| match (shown(expected, x, y), shown(actual, x, y)) {
         // Too small a difference for 8 bits is one all the same.
         (Some(a), Some(b)) if a == b => Some([u8::from(differs(expected, actual, x, y)); 3]),
@@ -148,22 +148,45 @@ pub fn triptych(expected: &Pixels, actual: &Pixels, panel: u32) -> Pixels {
         });
         255.0 / f32::from(rows.into_iter().max().unwrap_or(0).max(1))
     };
-    let width = 3 * pw + 2 * GAP;
-    let mut samples = vec![0; width as usize * ph as usize * 3];
-    par::for_rows(&mut samples, width as usize * 3, |y, row| {
-        for (x, out) in row.chunks_exact_mut(3).enumerate() {
-            let (part, x) = (x as u32 / (pw + GAP), x as u32 % (pw + GAP));
-            let block = Block { x: x * factor, y: y as u32 * factor, factor, w, h };
-            let color = match part {
-                _ if x >= pw => GAP_COLOR,
-                0 => block.mean(|x, y| shown(expected, x, y)),
-                1 => block.greatest(difference).map(|v| (f32::from(v) * gain + 0.5) as u8),
-                _ => block.mean(|x, y| shown(actual, x, y)),
-            };
-            out.copy_from_slice(&color);
+    [0, 1, 2].map(|part| {
+        let mut samples = vec![0; width as usize * height as usize * 3];
+        par::for_rows(&mut samples, width as usize * 3, |y, row| {
+            for (x, out) in row.chunks_exact_mut(3).enumerate() {
+                let block = Block { x: x as u32 * factor, y: y as u32 * factor, factor, w, h };
+                let color = match part {
+                    0 => block.mean(|x, y| shown(expected, x, y)),
+                    1 => block.greatest(difference).map(|v| (f32::from(v) * gain + 0.5) as u8),
+                    _ => block.mean(|x, y| shown(actual, x, y)),
+                };
+                out.copy_from_slice(&color);
+            }
+        });
+        Pixels { width, height, channels: 3, samples: Samples::U8(samples) }
+    })
+}
+
+/// Panels of one size and 8-bit colour side by side.
+pub fn beside(panels: &[Pixels]) -> Pixels {
+    let height = panels.first().map_or(0, |p| p.height);
+    let mut samples = Vec::new();
+    for y in 0..height as usize {
+        for (i, panel) in panels.iter().enumerate() {
+            if i > 0 {
+                samples.extend([GAP_COLOR; GAP as usize].as_flattened());
+            }
+            let row = panel.width as usize * 3;
+            if let Samples::U8(texels) = &panel.samples {
+                samples.extend_from_slice(&texels[y * row..][..row]);
+            }
         }
-    });
-    Pixels { width, height: ph, channels: 3, samples: Samples::U8(samples) }
+    }
+    let width = panels.iter().map(|p| p.width + GAP).sum::<u32>().saturating_sub(GAP);
+    Pixels { width, height, channels: 3, samples: Samples::U8(samples) }
+}
+
+/// Expected, difference and actual side by side: see [`panels`].
+pub fn triptych(expected: &Pixels, actual: &Pixels, panel: u32) -> Pixels {
+    beside(&panels(expected, actual, panel))
 }
 
 /// The texels that one texel of a reduced panel stands for.
@@ -197,8 +220,25 @@ impl Block {
     }
 }
 
+/// A texel as it is shown, in sRGB 0..1 without rounding to 8 bits: alpha over mid-grey, floats clamped. The texel is in
+/// the image.
+pub(super) fn shown_fine(p: &Pixels, x: u32, y: u32) -> [f32; 3] {
+    let c = p.channels as usize;
+    let at = (y as usize * p.width as usize + x as usize) * c;
+    let value = |i: usize| match &p.samples {
+        Samples::U8(v) => f32::from(v[at + i]) / 255.0,
+        Samples::U16(v) => f32::from(v[at + i]) / 65535.0,
+        Samples::F32(v) if v[at + i].is_nan() => 0.0,
+        Samples::F32(v) if p.has_alpha() && i == c - 1 => v[at + i].clamp(0.0, 1.0),
+        Samples::F32(v) => linear_to_srgb(v[at + i]),
+    };
+    let color = if c < 3 { [value(0); 3] } else { [value(0), value(1), value(2)] };
+    let alpha = if p.has_alpha() { value(c - 1) } else { 1.0 };
+    color.map(|v| v * alpha + 128.0 / 255.0 * (1.0 - alpha))
+}
+
 /// A texel as it is shown; `None` outside of the image.
-fn shown(p: &Pixels, x: u32, y: u32) -> Option<[u8; 3]> {
+pub(super) fn shown(p: &Pixels, x: u32, y: u32) -> Option<[u8; 3]> {
     if x >= p.width || y >= p.height {
         return None;
     }

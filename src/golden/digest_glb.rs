@@ -18,7 +18,7 @@ use std::fmt;
 /// Bytes of an accessor without a view: it is all zeros, and only its count says how many.
 const MAX_ZEROS: u64 = 1 << 28;
 /// Recursion over it is bounded: the parser refuses more than 128 levels.
-type Object = Map<String, Value>;
+pub(super) type Object = Map<String, Value>;
 
 /// Why a GLB has no digest.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -49,7 +49,7 @@ impl fmt::Display for DigestError {
 
 impl std::error::Error for DigestError {}
 
-type Result<T> = std::result::Result<T, DigestError>;
+pub(super) type Result<T> = std::result::Result<T, DigestError>;
 
 fn fault<T>(place: &str, reason: impl Into<String>) -> Result<T> {
     Err(DigestError::Content { place: place.to_string(), reason: reason.into() })
@@ -57,12 +57,25 @@ fn fault<T>(place: &str, reason: impl Into<String>) -> Result<T> {
 
 /// Digest of the content of a GLB.
 pub fn digest_glb(bytes: &[u8]) -> Result<String> {
+    let (root, bin) = read(bytes)?;
+    let content = content(&root, &Document::new(&root, bin)?)?;
+    let mut text = b"kiln glb 1\n".to_vec();
+    write_canonical(&Value::Object(content), &mut text);
+    Ok(digest_bytes(&text))
+}
+
+/// The JSON of a GLB and its bytes.
+pub(super) fn read(bytes: &[u8]) -> Result<(Object, &[u8])> {
     let (json, bin) = chunks(bytes)?;
     let root: Value = serde_json::from_slice(json).map_err(|e| DigestError::Json(e.to_string()))?;
     let Value::Object(root) = root else { return Err(DigestError::Json("it is not an object".into())) };
-    let document = Document::new(&root, bin)?;
+    Ok((root, bin))
+}
+
+/// What the digest is made of.
+pub(super) fn content(root: &Object, document: &Document) -> Result<Object> {
     let mut out = Vec::new();
-    for (key, value) in &root {
+    for (key, value) in root {
         let value = match (key.as_str(), value) {
             ("buffers" | "bufferViews", _) => continue,
             ("accessors", Value::Array(list)) => document.each(list, "accessors", Document::accessor)?,
@@ -73,10 +86,7 @@ pub fn digest_glb(bytes: &[u8]) -> Result<String> {
         };
         out.push((key, value));
     }
-    let content: Object = out.into_iter().map(|(k, v)| (k.clone(), v)).collect();
-    let mut text = b"kiln glb 1\n".to_vec();
-    write_canonical(&Value::Object(content), &mut text);
-    Ok(digest_bytes(&text))
+    Ok(out.into_iter().map(|(k, v)| (k.clone(), v)).collect())
 }
 
 /// The JSON and BIN chunks.
@@ -109,13 +119,13 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], &[u8])> {
     Ok((json, parts[1].unwrap_or_default()))
 }
 
-struct Document<'a> {
+pub(super) struct Document<'a> {
     buffers: Vec<Cow<'a, [u8]>>,
     views: &'a [Value],
 }
 
 impl<'a> Document<'a> {
-    fn new(root: &'a Object, bin: &'a [u8]) -> Result<Document<'a>> {
+    pub fn new(root: &'a Object, bin: &'a [u8]) -> Result<Document<'a>> {
         let mut buffers = Vec::new();
         for (i, buffer) in list(root, "buffers").iter().enumerate() {
             let place = format!("buffers[{i}]");
@@ -162,6 +172,17 @@ impl<'a> Document<'a> {
 
     /// An accessor whose `elements` are the digest of its elements, tightly packed.
     fn accessor(&self, accessor: &Object, place: &str) -> Result<Object> {
+        let data = self.elements(accessor, place)?;
+        let mut out = without(accessor, &["bufferView", "byteOffset", "sparse", "normalized"]);
+        if accessor.get("normalized") == Some(&Value::Bool(true)) {
+            out.insert("normalized".into(), true.into());
+        }
+        out.insert("elements".into(), digest_bytes(&data).into());
+        Ok(out)
+    }
+
+    /// The elements of an accessor, tightly packed.
+    pub fn elements(&self, accessor: &Object, place: &str) -> Result<Vec<u8>> {
         let element = Element::of(accessor, place)?;
         let count = required(accessor, "count", place)?;
         let too_large = || fault(place, format!("{count} elements are too many"));
@@ -178,12 +199,7 @@ impl<'a> Document<'a> {
         if let Some(sparse) = accessor.get("sparse") {
             self.overlay(sparse, &element, &mut data, &format!("{place}.sparse"))?;
         }
-        let mut out = without(accessor, &["bufferView", "byteOffset", "sparse", "normalized"]);
-        if accessor.get("normalized") == Some(&Value::Bool(true)) {
-            out.insert("normalized".into(), true.into());
-        }
-        out.insert("elements".into(), digest_bytes(&data).into());
-        Ok(out)
+        Ok(data)
     }
 
     /// Puts the values of a sparse accessor in their places.
@@ -323,7 +339,7 @@ fn component_size(code: u64, place: &str) -> Result<u64> {
     }
 }
 
-fn list<'a>(object: &'a Object, key: &str) -> &'a [Value] {
+pub(super) fn list<'a>(object: &'a Object, key: &str) -> &'a [Value] {
     object.get(key).and_then(|v| v.as_array()).map_or(&[], |v| v.as_slice())
 }
 
