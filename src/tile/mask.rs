@@ -1,6 +1,6 @@
 //! Feature masks: which texels of a tile belong to a feature.
 //!
-//! Source: [MST09] section 1, F_m. Unaware of: where masks come from.
+//! Source: \[MST09\] section 1, F_m. Unaware of: where masks come from.
 
 use crate::texture::Texture;
 
@@ -56,6 +56,11 @@ impl Mask {
     /// Texels inside features.
     pub fn count(&self) -> usize {
         self.on.iter().filter(|on| **on).count()
+    }
+
+    /// True if there is both inside and outside.
+    pub fn is_mixed(&self) -> bool {
+        (1..self.on.len()).contains(&self.count())
     }
 
     /// Texels in which two masks of one size differ.

@@ -1,6 +1,6 @@
 //! The tile: layers of maps along the material axis.
 //!
-//! Source: [MST09] section 1: a 3D texture T(s, t, m), periodic in s and t.
+//! Source: \[MST09\] section 1: a 3D texture T(s, t, m), periodic in s and t.
 //! Unaware of: how its layers were made.
 
 use super::Mask;
