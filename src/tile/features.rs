@@ -17,12 +17,10 @@ use crate::texture::{MapKind, MapSet, Wrap};
 /// Level of the pyramid that is divided: two binomial blurs, which leave out grain but no feature of some texels.
 const LEVEL: usize = 2;
 
-/// Finds features in maps that wrap; a mask among them is not looked at. `None` if all texels look alike.
+/// Finds features in maps that wrap, of which `importance` says what each weighs; a mask among them is not looked at. `None` if all texels look alike.
 pub fn find_features(maps: &MapSet, importance: &BTreeMap<MapKind, f64>) -> Option<Mask> {
     let (w, h) = (maps.width() as usize, maps.height() as usize);
-    let without: Vec<_> = maps.iter().filter(|(kind, _)| *kind != MapKind::FeatureMask).collect();
-    let maps = MapSet::new(without.into_iter().map(|(kind, map)| (kind, map.clone())).collect());
-    let planes = planes(&maps, importance);
+    let planes = planes(maps, importance, false);
     let channels = planes.len();
     let mut pyramid = Pyramid::new(planes, w as u32, h as u32, LEVEL + 1, 0, Wrap::Repeat);
     let stride = pyramid.stride;

@@ -16,11 +16,6 @@ pub(super) struct Planes {
 }
 
 impl Planes {
-    /// The maps that weigh something; all but the mask alike if none does.
-    pub fn new(maps: &MapSet, importance: &BTreeMap<MapKind, f64>) -> Self {
-        Planes::joined(&planes(maps, importance))
-    }
-
     /// One value per texel from each plane.
     pub fn joined(planes: &[Vec<f32>]) -> Self {
         let texels = planes.first().map_or(0, Vec::len);
@@ -46,11 +41,13 @@ impl Planes {
     }
 }
 
-/// One plane per channel of the maps that weigh something; of all but the mask alike if none does.
-pub(super) fn planes(maps: &MapSet, importance: &BTreeMap<MapKind, f64>) -> Vec<Vec<f32>> {
+/// One plane per channel of the maps that weigh something, the mask only if that is wanted; if no map but the mask weighs
+/// anything, of all of them alike.
+pub(super) fn planes(maps: &MapSet, importance: &BTreeMap<MapKind, f64>, mask: bool) -> Vec<Vec<f32>> {
     let weight = |kind: MapKind| importance.get(&kind).copied().unwrap_or(0.0);
-    let none = maps.iter().all(|(kind, _)| weight(kind) <= 0.0 || kind == MapKind::FeatureMask);
-    let weight = |kind| if none && kind != MapKind::FeatureMask { 1.0 } else { weight(kind) };
-    let counting = maps.iter().filter(|(kind, _)| weight(*kind) > 0.0);
+    let is_mask = |kind| kind == MapKind::FeatureMask;
+    let none = maps.iter().all(|(kind, _)| weight(kind) <= 0.0 || is_mask(kind));
+    let weight = |kind| if none && !is_mask(kind) { 1.0 } else { weight(kind) };
+    let counting = maps.iter().filter(|(kind, _)| weight(*kind) > 0.0 && (mask || !is_mask(*kind)));
     counting.flat_map(|(kind, map)| feature_planes(kind, map, weight(kind).sqrt() as f32)).collect()
 }

@@ -12,7 +12,7 @@
 
 use std::collections::BTreeMap;
 
-use super::planes::Planes;
+use super::planes::{Planes, planes};
 use crate::numerics::mincut::GraphCut;
 use crate::numerics::par;
 use crate::numerics::rng::Key;
@@ -86,7 +86,13 @@ impl Cutter {
     fn new(maps: &MapSet, importance: &BTreeMap<MapKind, f64>) -> Self {
         let (width, height) = (maps.width(), maps.height());
         let sources = (0..width * height).collect();
-        Cutter { width, height, planes: Planes::new(maps, importance), sources, cut: GraphCut::default() }
+        Cutter {
+            width,
+            height,
+            planes: Planes::joined(&planes(maps, importance, true)),
+            sources,
+            cut: GraphCut::default(),
+        }
     }
 
     /// The texel at some steps right and down, around the torus.
