@@ -12,15 +12,16 @@ const MAY_NAME: &[(&str, &[&str])] = &[
     ("exemplar", &["data"]),
     ("field", &["data"]),
     ("synth", &["data", "exemplar", "field"]),
+    ("tile", &["data", "exemplar"]),
     ("bake", &["data"]),
     ("render", &["data", "bake"]),
     ("disk", &[]),
-    ("io", &["data", "disk", "exemplar", "field", "synth", "bake"]),
+    ("io", &["data", "disk", "exemplar", "field", "synth", "tile", "bake"]),
     ("recipe", &["numerics", "texture"]),
     ("build", &["disk", "numerics"]),
-    ("stage", &["data", "exemplar", "field", "synth", "bake", "render", "io", "disk", "recipe", "build"]),
+    ("stage", &["data", "exemplar", "field", "synth", "tile", "bake", "render", "io", "disk", "recipe", "build"]),
     ("golden", &["data", "io", "disk"]),
-    ("cli", &["data", "recipe", "stage", "build", "golden", "io", "disk", "exemplar", "field", "synth"]),
+    ("cli", &["data", "recipe", "stage", "build", "golden", "io", "disk", "exemplar", "field", "synth", "tile"]),
 ];
 
 /// Outside crates and the places (path prefixes below `src`) that may name them.
