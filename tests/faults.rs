@@ -277,38 +277,38 @@ fn clocks_that_go_back_or_are_wrong_hide_no_change() {
 #[test]
 fn inputs_that_change_during_a_bake_get_nothing_wrong_into_the_cache() {
     let phases = [0, 90];
-    let references = references(3, &phases);
-    let project = small_project(3);
-    let over = AtomicBool::new(false);
+    let references = references(1, &phases);
+    let project = small_project(1);
     let mut noticed = 0;
-    std::thread::scope(|scope| {
-        scope.spawn(|| {
-            let other = project.path("other.png");
-            for turn in 0.. {
-                // An editor that saves by renaming, ever again.
-                std::fs::write(&other, picture(SIDE, phases[turn % 2])).expect("a file");
-                std::fs::rename(&other, project.path(SAMPLE)).expect("a file");
-                std::thread::sleep(Duration::from_millis(3));
-                if over.load(Ordering::Relaxed) {
-                    return;
+    for _ in 0..20 {
+        let _ = std::fs::remove_dir_all(project.path(".kiln"));
+        let over = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                let other = project.path("other.png");
+                for turn in 0.. {
+                    // An editor that saves by renaming, ever again.
+                    std::fs::write(&other, picture(SIDE, phases[turn % 2])).expect("a file");
+                    std::fs::rename(&other, project.path(SAMPLE)).expect("a file");
+                    std::thread::sleep(Duration::from_micros(300));
+                    if over.load(Ordering::Relaxed) {
+                        return;
+                    }
                 }
-            }
-        });
-        for turn in 0..20 {
-            if turn % 2 == 0 {
-                let _ = std::fs::remove_dir_all(project.path(".kiln"));
-            }
+            });
             let ran = project.kiln(&["bake"]);
+            over.store(true, Ordering::Relaxed);
             assert!(ran.code == 0 || ran.code == 1, "{}", ran.err);
             noticed += usize::from(ran.err.contains("changed during the"));
+        });
+        for (phase, reference) in phases.iter().zip(&references) {
+            project.write(SAMPLE, picture(SIDE, *phase));
+            project.kiln(&["bake", "-q"]).expect(0);
+            assert!(project.contents("out") == *reference, "something wrong got into the cache");
         }
-        over.store(true, Ordering::Relaxed);
-    });
-    assert!(noticed > 0, "no bake noticed anything");
-    for turn in [0, 1, 0, 1] {
-        project.write(SAMPLE, picture(SIDE, phases[turn]));
-        ends_well(&project, &references[turn]);
     }
+    assert!(noticed > 0, "no bake noticed anything");
+    ends_well(&project, &references[1]);
 }
 
 #[test]
