@@ -290,6 +290,7 @@ fn variance_blending_stretches_what_differs_from_the_mean() {
         sets: vec![set.clone(), set],
         weights: vec![[0.5, 0.5, 0.0, 0.0]; 3],
         blend: Blend::Variance,
+        material: vec![],
     };
     let pyramid = Pyramid::<1>::new(&sample);
     let value = |sets: &UvSets| FaceSets::new(sets, 0).value(&pyramid, [0.2, 0.3, 0.5], &[0.0; 4])[0];

@@ -64,7 +64,7 @@ pub fn corner_sets(
             (vec![set], vec![[1.0, 0.0, 0.0, 0.0]; 3 * faces.len()])
         }
     };
-    Ok(UvSets { exemplar_size, sets, weights, blend })
+    Ok(UvSets { exemplar_size, sets, weights, blend, material: vec![] })
 }
 
 #[cfg(test)]

@@ -31,6 +31,9 @@ pub struct UvSets {
     pub weights: Vec<[f32; 4]>,
     /// How to combine the sets.
     pub blend: Blend,
+    /// Position on the material axis at each corner, 0..=1, for a tile of several layers, which wraps in both directions
+    /// (\[MST09\]); empty for an exemplar.
+    pub material: Vec<f32>,
 }
 
 impl UvSets {

@@ -195,7 +195,7 @@ impl Artefact for Atlas {
 }
 
 impl Artefact for UvSets {
-    const TAG: [u8; 4] = *b"uvs1";
+    const TAG: [u8; 4] = *b"uvs2";
 
     fn write(&self, w: &mut Writer) {
         w.put(self.exemplar_size);
@@ -209,6 +209,7 @@ impl Artefact for UvSets {
             w.slice(set);
         }
         w.slice(&self.weights);
+        w.slice(&self.material);
     }
 
     fn read(r: &mut Reader<'_>) -> Result<Self, Damaged> {
@@ -224,7 +225,9 @@ impl Artefact for UvSets {
         let sets = (0..n).map(|_| r.slice()).collect::<Result<Vec<Vec<_>>, _>>()?;
         let weights: Vec<[f32; 4]> = r.slice()?;
         check(sets.iter().all(|s| s.len() == weights.len()), "one coordinate per corner")?;
-        Ok(UvSets { exemplar_size, sets, weights, blend })
+        let material: Vec<f32> = r.slice()?;
+        check(material.is_empty() || material.len() == weights.len(), "one material per corner")?;
+        Ok(UvSets { exemplar_size, sets, weights, blend, material })
     }
 }
 
@@ -274,6 +277,7 @@ mod tests {
             sets: vec![vec![texel(1.0, 2.0); 3]; 2],
             weights: vec![[0.5, 0.5, 0.0, 0.0]; 3],
             blend: Blend::Variance,
+            material: vec![0.0, 0.25, 1.0],
         }
     }
 

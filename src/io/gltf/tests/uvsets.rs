@@ -45,6 +45,7 @@ pub(super) fn uv_sets(synthesis: &SynthesisMesh) -> UvSets {
         sets: (0..3).map(set).collect(),
         weights: (0..n).map(weight).collect(),
         blend: Blend::Variance,
+        material: vec![],
     }
 }
 
