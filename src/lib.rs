@@ -11,11 +11,12 @@
 //!       TOML, faults   one file per step   graph, cache  digest, book, compare
 //!                      |                     |
 //!   ===================|===== pure from here down: values in, values out =========
-//!   exemplar  field  synth  param  bake  render |     io --- disk
+//!   exemplar  field  synth  tile  param  bake  render |   io --- disk
 //!   uvset  texture  mesh  numerics
 //! ```
 //!
-//! The path of the data: `io` decodes maps and a scene; [`exemplar`] analyses the maps into a jump map or textons; [`mesh`] welds
+//! The path of the data: `io` decodes maps and a scene; [`exemplar`] analyses the maps into a jump map or textons; [`tile`] grows
+//! layers between key exemplars; [`mesh`] welds
 //! and subdivides the scene into the synthesis mesh; [`field`] lays an orientation over it and turns every edge into an
 //! offset in texels; [`synth`] walks the vertices or quilts the faces, or [`param`] lays periodic coordinates, and corner coordinates come out, the narrow waist [`uvset`]; [`bake`]
 //! unwraps and rasterises that into an atlas; [`render`] looks at it. [`stage`] wraps each of these kernels as a step,
@@ -55,4 +56,5 @@ pub mod render;
 pub mod stage;
 pub mod synth;
 pub mod texture;
+pub mod tile;
 pub mod uvset;

@@ -13,15 +13,16 @@ const MAY_NAME: &[(&str, &[&str])] = &[
     ("field", &["data"]),
     ("synth", &["data", "exemplar", "field"]),
     ("param", &["data", "field"]),
+    ("tile", &["data", "exemplar"]),
     ("bake", &["data"]),
     ("render", &["data", "bake"]),
     ("disk", &[]),
-    ("io", &["data", "disk", "exemplar", "field", "synth", "bake"]),
+    ("io", &["data", "disk", "exemplar", "field", "synth", "tile", "bake"]),
     ("recipe", &["numerics", "texture"]),
     ("build", &["disk", "numerics"]),
-    ("stage", &["data", "exemplar", "field", "synth", "param", "bake", "render", "io", "disk", "recipe", "build"]),
+    ("stage", &["data", "exemplar", "field", "synth", "tile", "param", "bake", "render", "io", "disk", "recipe", "build"]),
     ("golden", &["data", "io", "disk"]),
-    ("cli", &["data", "recipe", "stage", "build", "golden", "io", "disk", "exemplar", "field", "synth"]),
+    ("cli", &["data", "recipe", "stage", "build", "golden", "io", "disk", "exemplar", "field", "synth", "tile"]),
 ];
 
 /// Outside crates and the places (path prefixes below `src`) that may name them.
