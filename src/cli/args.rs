@@ -134,6 +134,7 @@ Examples:
   kiln synth moss.png lichen.png -o both.png --size 512x512 --mask 2=usable.png
   kiln synth rust.png -o plate.png --exemplar-guide rust-labels.png --guide painted-labels.png
   kiln synth wall.png -o mended.png --inpaint hole.png
+  kiln synth moss.png --seamless -o moss-wraps.png --debug sources=moss-wraps.sources.png
   kiln synth rough.png --map roughness -o large-rough.png --sources large-moss.sources.png")]
     Synth(Box<Synth>),
     /// Write a commented recipe to start from
@@ -147,6 +148,7 @@ Examples:
 Examples:
   kiln inspect moss.png
   kiln inspect moss.png --texton-map textons.png
+  kiln inspect moss.png --feature-mask features.png
   kiln inspect statue.glb
   kiln inspect out/statue/statue.glb --format json")]
     Inspect(Inspect),
@@ -227,7 +229,7 @@ pub struct Synth {
     #[arg(short, long, value_name = "OUT", value_hint = ValueHint::FilePath)]
     pub output: PathBuf,
     /// Width and height in texels; may be left out where --guide, --inpaint or --sources says it
-    #[arg(long, value_name = "WxH", value_parser = size, required_unless_present_any = ["guide", "inpaint", "sources"])]
+    #[arg(long, value_name = "WxH", value_parser = size, required_unless_present_any = ["guide", "inpaint", "sources", "seamless"])]
     pub size: Option<Size>,
     /// Make only this window of it: first column and row, width and height
     #[arg(long, value_name = "X,Y,W,H", value_parser = region)]
@@ -235,6 +237,11 @@ pub struct Synth {
     /// The output wraps in both directions
     #[arg(long)]
     pub tileable: bool,
+    /// Make the sample itself wrap, in its own size, by a cut through copies of it. Nothing is analysed; other maps of it
+    /// follow by --sources and what --debug sources=FILE.png wrote
+    #[arg(long, conflicts_with_all = ["size", "region", "tileable", "seed", "order", "patch", "neighbourhoods", "refine",
+                                      "mask", "guide", "inpaint", "sources"])]
+    pub seamless: bool,
     /// Another seed gives another texture of the same kind [default: 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(limits::SEED))]
     pub seed: Option<u64>,
@@ -326,6 +333,10 @@ pub struct Inspect {
     /// Write the textons of a picture as a PNG: one colour for texels whose surroundings look alike
     #[arg(long, value_name = "OUT.png", value_hint = ValueHint::FilePath)]
     pub texton_map: Option<PathBuf>,
+    /// Write where a picture's features are found as a PNG: white in them, black between. Made to wrap first, as a key of a
+    /// tile is
+    #[arg(long, value_name = "OUT.png", value_hint = ValueHint::FilePath)]
+    pub feature_mask: Option<PathBuf>,
 }
 
 /// `kiln cache`.

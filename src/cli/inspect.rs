@@ -19,6 +19,7 @@ use crate::numerics::par;
 use crate::numerics::rng::Key;
 use crate::synth::rendering_sequence::{CACHE, acmr};
 use crate::texture::{MapKind, Wrap};
+use crate::tile::{Mask, find_features, seamless};
 
 use super::args::{Format, Global, Inspect};
 use super::{Done, Stop, jobs};
@@ -42,12 +43,20 @@ pub(super) fn run(global: &Global, args: &Inspect) -> Result<Done, Stop> {
                 super::bake::write(out, &texton_picture(&map)?)?;
             }
         }
+        if let Some(out) = &args.feature_mask {
+            let mask = par::install(jobs(global), || features(path, &bytes, &mut facts))?;
+            if !global.dry_run {
+                super::bake::write(out, &mask_picture(&mask)?)?;
+            }
+        }
         if !args.quick {
             par::install(jobs(global), || analysis(path, &bytes, &mut facts));
         }
         facts
     } else if args.texton_map.is_some() {
         return Err(Stop::Usage(format!("{}: --texton-map is for pictures, and this is none", path.display())));
+    } else if args.feature_mask.is_some() {
+        return Err(Stop::Usage(format!("{}: --feature-mask is for pictures, and this is none", path.display())));
     } else if bytes.starts_with(JUMP_MAP_MAGIC) {
         jump_map(path, &bytes)?
     } else if Laid::is_one(&bytes) {
@@ -130,6 +139,27 @@ fn textons(path: &Path, bytes: &[u8], facts: &mut Value) -> Result<TextonMap, St
     facts["texton iterations"] = json!(report.iterations);
     facts["texton spread"] = rounded(report.spread);
     Ok(map)
+}
+
+/// The features of a picture, as of a key of a tile that brings no mask; adds what was found.
+fn features(path: &Path, bytes: &[u8], facts: &mut Value) -> Result<Mask, Stop> {
+    let fail = |why: String| Stop::Failed(format!("{}: {why}", path.display()));
+    let maps = load(&[(Slot::Map(MapKind::BaseColor), &path.display().to_string(), bytes)], &Options::default())
+        .map_err(|faults| fail(faults.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")))?;
+    let importance = AnalysisParams::default().importance;
+    let cut = seamless(&maps, &importance);
+    let none = || fail("no features are found: it looks the same everywhere".into());
+    let mask = find_features(&cut.apply(&maps), &importance).ok_or_else(none)?;
+    facts["border difference"] = rounded(cut.border);
+    facts["seam difference"] = rounded(cut.seams);
+    facts["inside features"] = rounded(mask.count() as f64 / mask.data().len() as f64);
+    Ok(mask)
+}
+
+fn mask_picture(mask: &Mask) -> Result<Vec<u8>, Stop> {
+    let samples = Samples::U8(mask.data().iter().map(|on| 255 * u8::from(*on)).collect());
+    let pixels = Pixels { width: mask.width(), height: mask.height(), channels: 1, samples };
+    encode_png(&pixels, Compression::Fast, Transfer::Unstated).map_err(|e| Stop::Failed(e.to_string()))
 }
 
 /// Labels as colours (\[MK03\] figure 2).

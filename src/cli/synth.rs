@@ -18,8 +18,9 @@ use crate::synth::image_canvas::{ImageCanvas, ImageTask};
 use crate::synth::image_copy::BlendKernel;
 use crate::synth::image_order::ImageOrder;
 use crate::synth::image_walk::ImageWalkParams;
-use crate::synth::source_map::{ImageCounters, Rect};
+use crate::synth::source_map::{ImageCounters, Rect, SourceMap};
 use crate::synth::source_strips::SourceStrips;
+use crate::tile::{Seamless, seamless};
 
 use super::args::{Global, Region, Size, Synth};
 use super::synth_inputs::{Inputs, analysis};
@@ -40,6 +41,12 @@ pub(super) fn run(global: &Global, args: &Synth) -> Result<Done, Stop> {
     let outputs = outputs(args)?;
     if args.blend == Some(Blend::Variance) {
         return Err(Stop::Usage("--blend variance: images blend by linear or none".into()));
+    }
+    if args.seamless && args.exemplars.len() > 1 {
+        return Err(Stop::Usage(format!(
+            "--seamless: one sample is made to wrap, and here are {}",
+            args.exemplars.len()
+        )));
     }
     let paths: Vec<&Path> = outputs.iter().map(|o| o.path).collect();
     let inputs = Inputs::read(&args.exemplars, &args.control, &paths)?;
@@ -107,6 +114,9 @@ fn synthesise(args: &Synth, inputs: &Inputs, sheet: &Stacked, clock: &Clock) -> 
     if let Some(file) = &inputs.sources {
         return Ok(SourceStrips::of(&control::sources(file.named(), sheet).map_err(Stop::Failed)?));
     }
+    if args.seamless {
+        return Ok(wrapped(sheet, clock));
+    }
     let wanted = args.size.map(|Size { width, height }| [width, height]);
     let guide = inputs.guide(wanted, sheet)?;
     let size = control::canvas_size(wanted, guide.as_ref(), sheet).map_err(Stop::Failed)?;
@@ -142,6 +152,18 @@ fn synthesise(args: &Synth, inputs: &Inputs, sheet: &Stacked, clock: &Clock) -> 
     Ok(sources)
 }
 
+/// The sample made to wrap.
+fn wrapped(sheet: &Stacked, clock: &Clock) -> SourceStrips {
+    let maps = sheet.maps();
+    let Seamless { sources, border, seams } = seamless(maps, &analysis(maps).importance);
+    clock.say(&format!("cut: seams of {seams:.4} per texel, the border has {border:.4}"));
+    let (width, height) = (maps.width(), maps.height());
+    let sources = sources.into_iter().map(|s| [(s % width) as u16, (s / width) as u16]).collect();
+    let exemplar_size = [width, height];
+    let counters = ImageCounters::default();
+    SourceStrips::of(&SourceMap { width, height, exemplar_size, sources, tileable: true, counters })
+}
+
 /// Writes a picture strip by strip.
 fn write(
     args: &Synth,
@@ -152,6 +174,8 @@ fn write(
 ) -> Result<(), Stop> {
     let kernel = match (args.blend, args.blend_kernel) {
         (Some(Blend::None), _) => BlendKernel::None,
+        // A cut that was sought needs no blending, and a sample that wraps already stays as it is.
+        (None, None) if args.seamless => BlendKernel::None,
         (_, Some(BlendSize::Five)) => BlendKernel::Five,
         (_, _) => BlendKernel::Three,
     };

@@ -11,6 +11,7 @@ pub mod image_quantise;
 pub mod image_restore;
 pub mod image_set;
 pub mod image_strips;
+pub mod ktx2;
 mod obj;
 pub mod scene;
 mod scene_error;

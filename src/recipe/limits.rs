@@ -54,6 +54,8 @@ pub const ROTATIONS: RangeInclusive<u32> = 1..=64;
 pub const CANDIDATES: RangeInclusive<u32> = 1..=4096;
 /// Continuity error above which edges are blended: a distance of colours.
 pub const BLEND_THRESHOLD: RangeInclusive<f64> = 0.0..=1000.0;
+/// Keys of a material-space tile after the first.
+pub const KEYS: usize = 255;
 /// Layers of a material-space tile.
 pub const LAYERS: RangeInclusive<u32> = 2..=256;
 /// Texels per mesh unit.

@@ -49,7 +49,7 @@ const RIVALS: [(&str, &str, &str); 36] = [
 ];
 
 /// Keys that only one method reads.
-const METHOD_KEYS: [(&str, &str); 14] = [
+const METHOD_KEYS: [(&str, &str); 15] = [
     ("analysis.neighbourhoods", "jump-map"),
     ("analysis.jumps", "jump-map"),
     ("analysis.variance", "jump-map"),
@@ -64,6 +64,7 @@ const METHOD_KEYS: [(&str, &str); 14] = [
     ("synthesis.blend_threshold", "texton"),
     ("analysis.layers", "material-space"),
     ("analysis.key", "material-space"),
+    ("analysis.tile", "material-space"),
 ];
 
 /// Takes out of the defaults what gives way to a recipe's own keys.
@@ -114,11 +115,22 @@ pub(super) fn check_presence(tree: &Node, findings: &mut Findings) {
             exclusion(findings, (&names[0], kind), (&names[1], index), "the kind says the index; keep one");
         }
     });
-    for_each_table(tree, "exemplar.more", |path, table| {
+    let mut check_packed = |path: &str, table: &Table| {
         for packed in ["roughness", "metallic", "occlusion"] {
             if let (Some(orm), Some(single)) = (table.get("orm"), table.get(packed)) {
                 let names = [format!("{path}.orm"), format!("{path}.{packed}")];
                 exclusion(findings, (&names[0], orm), (&names[1], single), "`orm` holds that map; keep one");
+            }
+        }
+    };
+    for_each_table(tree, "exemplar.more", &mut check_packed);
+    for_each_table(tree, "analysis.key", &mut check_packed);
+    for_each_table(tree, "analysis.key", |path, table| {
+        for key in ["mask", "guide"] {
+            if let Some(entry) = table.get(key) {
+                let message = format!("`{path}.{key}` is for canvases, and a key is part of a tile");
+                let fault = Fault::new(entry.key.clone(), &format!("{path}.{key}"), message);
+                findings.push(fault.hint("remove it".to_string()));
             }
         }
     });
@@ -133,7 +145,8 @@ pub(super) fn check_absence(tree: &Node, findings: &mut Findings) {
         let fault = Fault::new(tree.at.clone(), "", "the recipe has neither [mesh] nor [canvas]").hint(hint);
         findings.push_unless_due_to(&["mesh", "canvas"], fault);
     }
-    if let (Some(mesh), false) = (tree.entry("mesh"), has("atlas") || has("uv_sets") || has("render")) {
+    let writes = has("atlas") || has("uv_sets") || has("render") || method(tree) == "material-space";
+    if let (Some(mesh), false) = (tree.entry("mesh"), writes) {
         let hint = "add [atlas], [uv_sets] or [[render]]; an empty [atlas] takes the defaults".to_string();
         let fault = Fault::new(mesh.key.clone(), "mesh", "the recipe covers a mesh and writes nothing").hint(hint);
         findings.push_unless_due_to(&["atlas", "uv_sets", "render"], fault);
@@ -149,9 +162,11 @@ pub(super) fn check_absence(tree: &Node, findings: &mut Findings) {
         if let Some(table) = exemplar.node.table() {
             check_maps(findings, &exemplar.key, ("exemplar", "[exemplar]"), table);
         }
-        for_each_table(tree, "exemplar.more", |path, table| {
-            check_maps(findings, &tree.locate(path), (path, &format!("`{path}`")), table);
-        });
+        for samples in ["exemplar.more", "analysis.key"] {
+            for_each_table(tree, samples, |path, table| {
+                check_maps(findings, &tree.locate(path), (path, &format!("`{path}`")), table);
+            });
+        }
     }
     for_each_table(tree, "field.singularities", |path, table| {
         if !table.contains_key("kind") && !table.contains_key("index") {
@@ -193,11 +208,16 @@ fn name(path: &str, entry: &Entry) -> String {
     }
 }
 
-fn check_method_keys(tree: &Node, findings: &mut Findings) {
-    let method = match tree.entry("analysis.method").map(|entry| &entry.node.value) {
+/// The method that a recipe names, or the default.
+fn method(tree: &Node) -> &str {
+    match tree.entry("analysis.method").map(|entry| &entry.node.value) {
         Some(Value::String(method)) => method.as_str(),
         _ => "jump-map",
-    };
+    }
+}
+
+fn check_method_keys(tree: &Node, findings: &mut Findings) {
+    let method = method(tree);
     for (path, reader) in METHOD_KEYS {
         // Defaults may hold keys for several methods.
         let own = tree.entry(path).filter(|entry| entry.key.source == tree.at.source);

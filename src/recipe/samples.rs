@@ -9,6 +9,7 @@ use super::schema;
 use super::validate::Context;
 use super::values::*;
 use super::words::{MapFile, Word};
+use crate::texture::MapKind;
 
 /// Weight of a guide that does not say.
 const GUIDE_WEIGHT: f64 = 1.0;
@@ -70,18 +71,20 @@ fn pattern_of(file: &FileRef, context: &mut Context) -> Option<FramePattern> {
         .ok()
 }
 
-/// Reports samples that have other maps than the first, and guides that only some have.
-pub(super) fn check_alike(first: &Sample, more: &[Sample], context: &mut Context) {
+/// Reports samples of a table that have other maps than the first, and guides that only some have.
+pub(super) fn check_alike(table: &str, first: &Sample, more: &[Sample], context: &mut Context) {
+    // A mask may be given for some keys and found for others.
+    let counts = |kind: &MapKind| table == "exemplar.more" || *kind != MapKind::FeatureMask;
     for (i, sample) in more.iter().enumerate() {
-        let key = format!("exemplar.more[{i}]");
-        let [ours, theirs] =
-            [first.kinds(), sample.kinds()].map(|kinds| kinds.iter().map(|k| k.name()).collect::<Vec<_>>());
+        let key = format!("{table}[{i}]");
+        let names = |kinds: Vec<MapKind>| kinds.iter().filter(|k| counts(k)).map(|k| k.name()).collect::<Vec<_>>();
+        let [ours, theirs] = [first.kinds(), sample.kinds()].map(names);
         if ours != theirs && !ours.is_empty() && !theirs.is_empty() {
             let message = format!("`{key}` has other maps than [exemplar]");
             let fault = context.fault(&key, message).found(listing(&theirs, "`", "and"));
             context.findings.push_unless_due_to(&["exemplar", &key], fault.allowed(listing(&ours, "`", "and")));
         }
-        if first.guide.is_some() != sample.guide.is_some() {
+        if table == "exemplar.more" && first.guide.is_some() != sample.guide.is_some() {
             let (with, without) =
                 if first.guide.is_some() { ("[exemplar]", key.as_str()) } else { (key.as_str(), "[exemplar]") };
             let message = format!("{with} has a `guide`, and {without} has none");

@@ -8,7 +8,7 @@
 use super::limits;
 use super::words::{
     AlignTo, Blend, CanvasDebug, CanvasOrder, Compression, ImageFormat, MapFile, Method, NormalY, Shading,
-    SingularityKind, TextonFeatures, Unwrap, WalkOrder,
+    SingularityKind, TextonFeatures, TileShape, Unwrap, WalkOrder,
 };
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
@@ -255,7 +255,7 @@ impl Default for Exemplar {
     }
 }
 
-/// Maps of a further sample, all the same size; the same ones as those of `[exemplar]`.
+/// Maps of a further sample or key, all the same size; the same ones as those of `[exemplar]`.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Sample {
@@ -387,11 +387,15 @@ pub struct Analysis {
     /// texton: orientations in which neighbours that lie turned are compared; 1 compares them as they lie.
     #[schemars(transform = within(limits::ROTATIONS))]
     pub rotations: u32,
-    /// material-space: layers of the tile.
+    /// material-space: layers of the tile, those of the keys among them.
     #[schemars(transform = within(limits::LAYERS))]
     pub layers: u32,
-    /// material-space: the key exemplars along the material axis, after `[exemplar]`.
-    pub key: Vec<Exemplar>,
+    /// material-space: the further key exemplars along the material axis, after `[exemplar]`: of its size, with its maps.
+    /// Without any, the layers are many tiles of `[exemplar]` whose features are in the same places: they hide its period.
+    #[schemars(length(max = limits::KEYS))]
+    pub key: Vec<Sample>,
+    /// material-space: what the tile is written as: "3d" or, for runtimes without 3D textures, "2d-array".
+    pub tile: TileShape,
 }
 
 impl Default for Analysis {
@@ -410,6 +414,7 @@ impl Default for Analysis {
             rotations: 1,
             layers: 8,
             key: Vec::new(),
+            tile: TileShape::Volume,
         }
     }
 }

@@ -113,6 +113,7 @@ fn every_key_arrives() {
             diversity: 5,
             min_distance: Some(4.0),
             textons: None,
+            tile: None,
         }
     );
     assert_eq!(recipe.synthesis, Synthesis { seed: 1, patch: 1.0, refine: 2, blend: Blend::Linear });
@@ -678,3 +679,4 @@ fn the_schema_has_every_key_that_recipes_use() {
 
 mod any_input;
 mod control;
+mod material;

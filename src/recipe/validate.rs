@@ -119,7 +119,11 @@ pub(super) fn recipe(name: String, path: PathBuf, from: schema::Recipe, context:
             })
         }
     };
-    let analysis = analysis_of(analysis, (candidates, blend_threshold), is_canvas, context);
+    let first = exemplar.samples().swap_remove(0);
+    let mut analysis = analysis_of(analysis, (candidates, blend_threshold), is_canvas, context);
+    if let Some(tile) = &mut analysis.tile {
+        check_tile(tile, &first, &target, context);
+    }
     Recipe { name, path, exemplar, analysis, synthesis: Synthesis { seed, patch, refine, blend }, target }
 }
 
@@ -184,7 +188,7 @@ fn exemplar_of(from: schema::Exemplar, context: &mut Context) -> Exemplar {
     let first = samples::sample_of("exemplar", first, frames, context);
     let number = |(i, sample)| samples::sample_of(&format!("exemplar.more[{i}]"), sample, None, context);
     let more: Vec<Sample> = more.into_iter().enumerate().map(number).collect();
-    samples::check_alike(&first, &more, context);
+    samples::check_alike("exemplar.more", &first, &more, context);
     let kinds = first.kinds();
     let importance = match importance {
         Some(weights) => importance_of(weights, &kinds, context),
@@ -273,18 +277,21 @@ fn analysis_of(from: schema::Analysis, quilt: (u32, f64), is_canvas: bool, conte
         count,
         features,
         rotations,
-        // Read by a method that is refused here.
-        layers: _,
-        key: _,
+        layers,
+        key,
+        tile,
     } = from;
-    if method == Method::MaterialSpace {
-        context.not_yet("analysis.method", "\"material-space\"", "\"jump-map\" or \"texton\"");
+    if is_canvas && method != Method::JumpMap {
+        let why = match method {
+            Method::Texton => "textons are quilted over the faces of a mesh, and a canvas has none",
+            _ => "a tile of material space is laid over a mesh, and a canvas is none",
+        };
+        let fault = context.fault("analysis.method", why);
+        context.findings.push(fault.found(format!("\"{}\"", method.name())).allowed("\"jump-map\""));
     }
-    if method == Method::Texton && is_canvas {
-        let fault =
-            context.fault("analysis.method", "textons are quilted over the faces of a mesh, and a canvas has none");
-        context.findings.push(fault.found("\"texton\"").allowed("\"jump-map\""));
-    }
+    let key_of = |(i, key)| samples::sample_of(&format!("analysis.key[{i}]"), key, None, context);
+    let keys: Vec<Sample> = key.into_iter().enumerate().map(key_of).collect();
+    let tile = (method == Method::MaterialSpace).then_some(TileKeys { layers, keys, shape: tile });
     let count = match count {
         schema::Count::Number(n) => Some(n),
         schema::Count::Word(schema::Auto::Auto) => None,
@@ -292,7 +299,25 @@ fn analysis_of(from: schema::Analysis, quilt: (u32, f64), is_canvas: bool, conte
     let (candidates, blend_threshold) = quilt;
     let textons = Textons { window, count, features, rotations, candidates, blend_threshold };
     let textons = (method == Method::Texton).then_some(textons);
-    Analysis { neighbourhoods, jumps, variance, alpha, diversity, min_distance, textons }
+    Analysis { neighbourhoods, jumps, variance, alpha, diversity, min_distance, textons, tile }
+}
+
+/// Checks the keys of a tile against the first, and that there is a layer for each.
+fn check_tile(tile: &TileKeys, first: &Sample, target: &Target, context: &mut Context) {
+    samples::check_alike("analysis.key", first, &tile.keys, context);
+    let count = tile.keys.len() as u32 + 1;
+    if tile.layers < count {
+        let key = "analysis.layers";
+        let fault = context.fault(key, format!("{} layers are too few for {count} keys", tile.layers));
+        let allowed = format!("at least {count}: [exemplar] and each [[analysis.key]] is a layer");
+        context.findings.push(fault.found(tile.layers.to_string()).allowed(allowed));
+    }
+    if let Target::Mesh(bake) = target
+        && (bake.atlas.is_some() || bake.uv_sets.is_some() || !bake.renders.is_empty())
+    {
+        let value = "\"material-space\" with [atlas], [uv_sets] or [[render]]";
+        context.not_yet("analysis.method", value, "none of them: then only the tile is written");
+    }
 }
 
 fn field_of(from: schema::Field, context: &mut Context) -> Field {

@@ -7,7 +7,7 @@
 use super::FramePattern;
 use super::words::{
     AlignTo, Blend, CanvasDebug, CanvasOrder, Compression, ImageFormat, MapFile, NormalY, Shading, SingularityKind,
-    TextonFeatures, Unwrap, WalkOrder,
+    TextonFeatures, TileShape, Unwrap, WalkOrder,
 };
 use crate::numerics::vec::Vec3;
 use crate::texture::MapKind;
@@ -137,6 +137,19 @@ pub struct Analysis {
     pub min_distance: Option<f64>,
     /// Textons instead of a jump map.
     pub textons: Option<Textons>,
+    /// A tile instead of either; meshes only.
+    pub tile: Option<TileKeys>,
+}
+
+/// A material-space tile (\[MST09\] section 1).
+#[derive(Clone, Debug, PartialEq)]
+pub struct TileKeys {
+    /// Layers, at least one per key and at least two.
+    pub layers: u32,
+    /// The keys after the exemplar, with its maps.
+    pub keys: Vec<Sample>,
+    /// What it is written as.
+    pub shape: TileShape,
 }
 
 /// The texton method's parameters (\[MK03\] section 3).

@@ -103,6 +103,14 @@ words! {
         FilterBank = "filter-bank",
     }
 
+    /// What kind of texture a material-space tile is written as.
+    TileShape {
+        /// A 3D texture, without mip levels: those would mix materials.
+        Volume = "3d",
+        /// A 2D array, with mip levels.
+        Array = "2d-array",
+    }
+
     /// What a singularity of the orientation field looks like.
     SingularityKind {
         /// "Up" points away from it.

@@ -12,6 +12,7 @@
 //!
 //! textons:  maps -> analyse textons; in place of synthesise: quilt -> blend mesh, blend sets, and the mesh of the former
 //!           in place of the prepared one
+//! tiles:    maps of each key ---> tile ---> tile texture, tile strip, one each per map
 //! canvas:   maps -------> analyse ----------> walk image ------> copy image ------------> encode
 //! flipbook: flipbook ---> analyse flipbook -> walk flipbook ---> copy frame, one each --> encode
 //! ```
@@ -39,6 +40,7 @@ mod surface;
 mod synthesise;
 mod texton;
 mod texton_quilt;
+mod tile;
 mod unwrap;
 
 use crate::build::{Inputs, StepError};

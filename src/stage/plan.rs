@@ -17,9 +17,12 @@ use crate::io::gltf::TriangleOrder;
 use crate::io::image_file::{Compression, Transfer};
 use crate::io::image_set::{NormalY, Options, Slot};
 use crate::io::image_strips::Container;
+use crate::io::ktx2::Shape;
 use crate::io::scene::external_files;
 use crate::recipe::limits::FLIPBOOK_TEXELS;
-use crate::recipe::{self, Canvas, FileRef, ImageFormat, MapFile, MapOutput, MeshBake, Recipe, Sample, Target, Word};
+use crate::recipe::{
+    self, Canvas, ExemplarMap, FileRef, ImageFormat, MapFile, MapOutput, MeshBake, Recipe, Sample, Target, Word,
+};
 use crate::synth::image_copy::BlendKernel;
 use crate::synth::image_order::ImageOrder;
 use crate::synth::quilt::QuiltParams;
@@ -27,6 +30,7 @@ use crate::synth::vertex_walk::VertexWalkParams;
 use crate::synth::volume_copy::VolumeKernel;
 use crate::synth::volume_walk::VolumeWalkParams;
 use crate::texture::{MapKind, Wrap};
+use crate::tile::TileParams;
 use crate::uvset::Blend;
 
 use super::analyse::Analyse;
@@ -46,6 +50,7 @@ use super::surface::{ReadSurface, SceneFiles};
 use super::synthesise::{Order, Synthesise};
 use super::texton::AnalyseTextons;
 use super::texton_quilt::{BlendMesh, BlendParams, BlendSets, QuiltFaces};
+use super::tile::{MakeTile, ReportTile, TileStrip, TileTexture};
 use super::unwrap::{Layout, Unwrap};
 
 /// Largest scene file that planning reads, in bytes.
@@ -124,7 +129,8 @@ impl Planner<'_> {
 
     /// Checks that the samples' files, and those of a canvas, are there.
     fn check_files(&self) -> Result<(), PlanError> {
-        let samples = self.recipe.exemplar.samples();
+        let mut samples = self.recipe.exemplar.samples();
+        samples.extend(self.recipe.analysis.tile.iter().flat_map(|tile| tile.keys.clone()));
         let of_sample = |s: &'_ Sample| -> Vec<FileRef> {
             let optional = [&s.feature_mask, &s.mask, &s.guide];
             s.maps.iter().map(|m| &m.file).chain(optional.into_iter().flatten()).cloned().collect()
@@ -203,7 +209,7 @@ impl Planner<'_> {
     }
 
     fn analysis(&self) -> AnalysisParams {
-        let recipe::Analysis { neighbourhoods, jumps, variance, alpha, diversity, min_distance, textons: _ } =
+        let recipe::Analysis { neighbourhoods, jumps, variance, alpha, diversity, min_distance, textons: _, tile: _ } =
             self.recipe.analysis.clone();
         let importance = self.recipe.exemplar.importance.iter().copied().collect();
         let wrap = if self.recipe.exemplar.tileable { Wrap::Repeat } else { Wrap::Clamp };
@@ -372,8 +378,43 @@ impl Planner<'_> {
         Ok((SceneFiles { uris, materials: bake.materials.clone() }, inputs))
     }
 
+    /// The tile of material space, and its files.
+    fn tile(&mut self, from: &recipe::TileKeys) -> StepId {
+        let recipe::TileKeys { layers, keys, shape } = from;
+        let keys: Vec<Sample> = self.recipe.exemplar.samples().into_iter().chain(keys.iter().cloned()).collect();
+        let maps: Vec<InputId> = keys.iter().enumerate().map(|(i, key)| self.maps(i, key).into()).collect();
+        let importance = self.recipe.exemplar.importance.iter().copied().collect();
+        let seed = self.recipe.synthesis.seed;
+        let params = TileParams { layers: *layers, seed, importance, ..TileParams::default() };
+        let (recipe, tileable) = (self.name(), self.recipe.exemplar.tileable);
+        let tile = self.step(MakeTile { recipe: recipe.clone(), params, tileable }, &maps);
+        let shape = match shape {
+            recipe::TileShape::Volume => Shape::Volume,
+            recipe::TileShape::Array => Shape::Array,
+        };
+        for (i, ExemplarMap { map, .. }) in keys[0].maps.iter().enumerate() {
+            // The first map, the colour where there is one, is the tile; the others are told by their names.
+            let file =
+                if i == 0 { format!("{recipe}.tile.ktx2") } else { format!("{recipe}.tile.{}.ktx2", map.name()) };
+            let texture = self.step(TileTexture { recipe: recipe.clone(), map: *map, shape }, &[tile.into()]);
+            self.output(texture, &file);
+        }
+        for map in keys[0].maps.iter().map(|m| Some(m.map)).chain([None]) {
+            let strip = self.step(TileStrip { recipe: recipe.clone(), map }, &[tile.into()]);
+            let name = map.map_or(MapKind::FeatureMask.name(), |m| m.name());
+            self.output(strip, &format!("{recipe}.tile.{name}.png"));
+        }
+        tile
+    }
+
     /// A textured mesh.
     fn mesh(&mut self, bake: &MeshBake, (scene, files): (SceneFiles, Vec<InputId>)) {
+        if let Some(tile) = self.recipe.analysis.tile.clone() {
+            let tile = self.tile(&tile);
+            let report = self.step(ReportTile { recipe: self.name() }, &[tile.into()]);
+            self.output(report, "report.json");
+            return;
+        }
         let samples = self.recipe.exemplar.samples();
         let maps = self.maps(0, &samples[0]);
         let recipe = self.name();

@@ -151,7 +151,7 @@ fn exemplar(map: &JumpMap) -> Value {
     json!({ "width": map.width(), "height": map.height(), "jumps_per_texel": jumps as f64 / texels })
 }
 
-fn text(report: &Value) -> Result<Vec<u8>, StepError> {
+pub(super) fn text(report: &Value) -> Result<Vec<u8>, StepError> {
     let mut text = serde_json::to_string_pretty(report)?;
     text.push('\n');
     Ok(text.into_bytes())
