@@ -180,11 +180,7 @@ impl<const N: usize> Pyramid<N> {
 
     #[inline]
     fn in_layer(&self, levels: &[Level<N>], at: Texel, lod: f32) -> [f32; N] {
-        if lod > 0.0 || self.wraps {
-            self.between_levels(levels, at, lod)
-        } else {
-            levels[0].sample(at.x, at.y)
-        }
+        if lod > 0.0 || self.wraps { self.between_levels(levels, at, lod) } else { levels[0].sample(at.x, at.y) }
     }
 
     fn between_levels(&self, levels: &[Level<N>], at: Texel, lod: f32) -> [f32; N] {

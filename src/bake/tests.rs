@@ -450,3 +450,23 @@ fn a_real_mesh_bakes_without_visible_seams() {
     let found = seam_error(surface, atlas, MapKind::BaseColor, &out, 0);
     assert!(found.edges > 1000 && found.mean < 2.0, "white noise: {found:?}");
 }
+
+#[test]
+fn a_tile_wraps_and_lies_between_its_layers() {
+    let layer = |v: f32| Texture::from_fn(4, 2, 1, |x, y, out| out[0] = v + (4 * y + x) as f32);
+    let [a, b, c] = [layer(0.0), layer(100.0), layer(300.0)];
+    let p = Pyramid::<1>::tile(&[&a, &b, &c]);
+    let at = |x: f32, y: f32, m: f32| p.sample_at(texel(x, y), m, 0.0)[0];
+    assert_eq!((at(0.5, 0.5, 0.0), at(0.5, 0.5, 0.5), at(0.5, 0.5, 1.0)), (0.0, 100.0, 300.0));
+    assert_eq!((at(0.5, 0.5, 0.25), at(1.5, 0.5, 7.0), at(1.5, 0.5, -1.0)), (50.0, 301.0, 1.0));
+    assert_eq!((at(4.0, 0.5, 0.0), at(0.0, 0.5, 0.0), at(-8.0, 2.5, 0.0)), (1.5, 1.5, 1.5));
+    assert!(at(f32::NAN, f32::INFINITY, f32::NAN).is_finite());
+    assert_eq!(p.sample_at(texel(9.0, -3.0), 0.5, 9.0)[0], 103.5, "the coarsest level is the layer's mean");
+    // On a mesh: one look-up each, m falling from 1 to 0 along x.
+    let t = [texel(0.0, 0.0), texel(4.0, 0.0), texel(4.0, 2.0)].to_vec();
+    let weights = vec![[1.0, 0.0, 0.0, 0.0]; 3];
+    let material = vec![1.0, 0.0, 0.0];
+    let sets = UvSets { exemplar_size: [4, 2], sets: vec![t], weights, blend: Blend::Linear, material };
+    let value = FaceSets::new(&sets, 0).value(&p, [0.25, 0.5, 0.25], &[0.0; 4])[0];
+    assert_eq!(value, at(3.0, 0.5, 0.25));
+}

@@ -13,6 +13,7 @@
 //! textons:  maps -> analyse textons; in place of synthesise: quilt -> blend mesh, blend sets, and the mesh of the former
 //!           in place of the prepared one
 //! tiles:    maps of each key ---> tile ---> tile texture, tile strip, one each per map
+//!           in place of synthesise: prepared, field --> parametrise --> [effect areas] --> place in tile; the tile is the maps
 //! canvas:   maps -------> analyse ----------> walk image ------> copy image ------------> encode
 //! flipbook: flipbook ---> analyse flipbook -> walk flipbook ---> copy frame, one each --> encode
 //! ```
@@ -29,6 +30,7 @@ mod field;
 mod flipbook;
 mod glb;
 mod maps;
+mod material_space;
 pub mod painting;
 pub mod plan;
 mod prepare;

@@ -40,10 +40,11 @@ use super::field::LayField;
 use super::flipbook::{AnalyseFlipbook, CopyFrame, ReadFlipbook, WalkFlipbook, frame_number};
 use super::glb::{AtlasGlb, UvSetsGlb};
 use super::maps::Maps;
+use super::material_space::{FollowAreas, Parametrise, PlaceInTile};
 use super::painting::Picture;
 use super::prepare::{Prepare, Scale};
 use super::rasterise::{ImageSpec, Rasterise};
-use super::render::{RenderField, RenderView};
+use super::render::{RenderField, RenderSingularities, RenderView};
 use super::report::{CanvasReport, Report};
 use super::sheet::{Form, Stack};
 use super::surface::{ReadSurface, SceneFiles};
@@ -409,19 +410,27 @@ impl Planner<'_> {
 
     /// A textured mesh.
     fn mesh(&mut self, bake: &MeshBake, (scene, files): (SceneFiles, Vec<InputId>)) {
-        if let Some(tile) = self.recipe.analysis.tile.clone() {
-            let tile = self.tile(&tile);
-            let report = self.step(ReportTile { recipe: self.name() }, &[tile.into()]);
+        let recipe = self.name();
+        let textons = self.recipe.analysis.textons;
+        let keys = self.recipe.analysis.tile.clone();
+        let tile = keys.as_ref().map(|keys| self.tile(keys));
+        if let (Some(tile), None, None, true) = (tile, &bake.atlas, &bake.uv_sets, bake.renders.is_empty()) {
+            let report = self.step(ReportTile { recipe }, &[tile.into()]);
             self.output(report, "report.json");
             return;
         }
-        let samples = self.recipe.exemplar.samples();
-        let maps = self.maps(0, &samples[0]);
-        let recipe = self.name();
-        let textons = self.recipe.analysis.textons;
-        let analyse = match textons {
-            None => self.analyse(maps, false),
-            Some(textons) => self.analyse_textons(maps, &textons),
+        // A tile is both what is looked up and what is known of it.
+        let (maps, analyse) = match (tile, textons) {
+            (Some(tile), _) => (tile, tile),
+            (None, textons) => {
+                let samples = self.recipe.exemplar.samples();
+                let maps = self.maps(0, &samples[0]);
+                let analyse = match textons {
+                    None => self.analyse(maps, false),
+                    Some(textons) => self.analyse_textons(maps, &textons),
+                };
+                (maps, analyse)
+            }
         };
         let surface = self.step(ReadSurface { recipe: recipe.clone(), scene: scene.clone() }, &files);
         let scale = match bake.scale {
@@ -430,7 +439,11 @@ impl Planner<'_> {
         };
         let max_factor = bake.field.scale.iter().fold(1.0, |m: f64, c| m.max(c.factor));
         // The published method takes triangles as they are, as long as there is room for a choice of places.
-        let max_span_share = (textons.is_some() && self.recipe.synthesis.refine == 0).then_some(0.25);
+        let max_span_share = match textons {
+            _ if keys.is_some() => Some(PERIOD_SHARE),
+            Some(_) if self.recipe.synthesis.refine == 0 => Some(0.25),
+            _ => None,
+        };
         let prepare = Prepare { recipe: recipe.clone(), scale, max_factor, max_span_share };
         let prepare = self.step(prepare, &[surface.into(), maps.into()]);
         let (field, symmetry) = lay_field(&recipe, &bake.field);
@@ -441,9 +454,15 @@ impl Planner<'_> {
             recipe::WalkOrder::RenderingSequence => Order::RenderingSequence,
         };
         let inputs = [prepare, field, analyse, maps];
-        let (prepare, synthesise) = match textons {
-            None => (prepare, self.walk_vertices(order, symmetry, importance, inputs)),
-            Some(textons) => self.quilt_faces(&textons, symmetry, importance, inputs),
+        let mut coordinates = None;
+        let (prepare, synthesise) = match (&keys, textons) {
+            (Some(keys), _) => {
+                let (placed, laid) = self.place_in_tile(keys, &bake.field, prepare, field);
+                coordinates = Some(laid);
+                (prepare, placed)
+            }
+            (None, None) => (prepare, self.walk_vertices(order, symmetry, importance, inputs)),
+            (None, Some(textons)) => self.quilt_faces(&textons, symmetry, importance, inputs),
         };
 
         let mut atlas_steps = None;
@@ -480,14 +499,47 @@ impl Planner<'_> {
                     let inputs = [surface, prepare, field].map(InputId::from);
                     self.step(RenderField { recipe, view }, &inputs)
                 }
+                recipe::Shading::Singularities => {
+                    // Refused without a tile.
+                    let inputs = [surface, prepare, field, coordinates.unwrap_or(field)].map(InputId::from);
+                    self.step(RenderSingularities { recipe, view }, &inputs)
+                }
                 _ => self.step(RenderView { recipe, view }, &inputs),
             };
             self.output(render, &path);
         }
         inputs[3] = analyse.into();
         inputs.insert(4, field.into());
+        inputs.extend(coordinates.map(InputId::from));
         let report = self.step(Report { recipe }, &inputs);
         self.output(report, "report.json");
+    }
+
+    /// Lays periodic coordinates over the prepared mesh and its field, and places it in the tile. Gives where it lies, and
+    /// the coordinates.
+    fn place_in_tile(
+        &mut self,
+        keys: &recipe::TileKeys,
+        from: &recipe::Field,
+        prepare: StepId,
+        field: StepId,
+    ) -> (StepId, StepId) {
+        let recipe = self.name();
+        let everywhere = without_areas(from);
+        let first = match everywhere == *from {
+            true => field,
+            false => self.step(lay_field(&recipe, &everywhere).0, &[prepare.into()]),
+        };
+        let mut laid = self.step(Parametrise { recipe: recipe.clone() }, &[prepare, first].map(InputId::from));
+        if first != field {
+            let inputs = [prepare, laid, first, field].map(InputId::from);
+            laid = self.step(FollowAreas { recipe: recipe.clone() }, &inputs);
+        }
+        let value = |&recipe::MaterialPoint { at, value, radius }: &_| ScalarConstraint { at, value, radius };
+        let material: Vec<ScalarConstraint> = from.material.iter().map(value).collect();
+        let wandering = (keys.keys.is_empty() && material.is_empty()).then_some(self.recipe.synthesis.seed);
+        let placed = self.step(PlaceInTile { recipe, material, wandering }, &[prepare, laid].map(InputId::from));
+        (placed, laid)
     }
 
     /// Analyses the sample into textons.
@@ -538,6 +590,18 @@ impl Planner<'_> {
         let sets = self.step(BlendSets { recipe: self.name(), params }, &inputs);
         (mesh, sets)
     }
+}
+
+/// Part of a tile's side that an edge may take: half as many triangles are shown by three look-ups as at a half.
+const PERIOD_SHARE: f64 = 0.125;
+
+/// The field without what acts only nearby.
+fn without_areas(field: &recipe::Field) -> recipe::Field {
+    let mut field = field.clone();
+    field.orientation.retain(|c| c.radius.is_none());
+    field.singularities.retain(|c| c.radius.is_none());
+    field.scale.retain(|c| c.radius.is_none());
+    field
 }
 
 /// How far a piece of a quilt reaches around its first triangle, in exemplar sides, where `patch` is 1.
@@ -611,7 +675,8 @@ fn layout(atlas: &recipe::Atlas) -> (Layout, u32) {
 }
 
 fn lay_field(recipe: &str, from: &recipe::Field) -> (LayField, Symmetry) {
-    let recipe::Field { symmetry, orientation, singularities, align: lines, scale } = from;
+    // The material axis is no part of the field.
+    let recipe::Field { symmetry, orientation, singularities, align: lines, scale, material: _ } = from;
     let symmetry = match symmetry {
         recipe::Symmetry::One => Symmetry::One,
         recipe::Symmetry::Two => Symmetry::Two,

@@ -8,15 +8,18 @@ use crate::exemplar::{JumpMap, TextonMap};
 use crate::field::{Laid, Singularity};
 use crate::io::artefact::Artefact;
 use crate::mesh::Surface;
+use crate::param::{Kind, Parametrization, Singularity as Place};
 use crate::synth::source_map::ImageCounters;
 use crate::synth::source_strips::SourceStrips;
 
+use super::material_space::places;
 use super::prepare::Prepared;
 use super::rasterise::Bundle;
 use super::synthesise::{Counters, Synthesised};
+use super::tile::{MadeTile, facts};
 
 /// Reads surface, synthesis mesh, corner coordinates, what was analysed and the field, and of an atlas bake the atlas and
-/// its images.
+/// its images; of a tile's bake last the periodic coordinates.
 pub(super) struct Report {
     pub recipe: String,
 }
@@ -34,6 +37,7 @@ impl Step for Report {
         let synthesised: Synthesised = super::read(inputs, 2)?;
         let (sample, how) = described(&synthesised.counters, &inputs[3])?;
         let laid: Laid = super::read(inputs, 4)?;
+        let mut atlas_inputs = inputs.len();
         let mut report = json!({
             "recipe": self.recipe,
             "mesh": {
@@ -54,9 +58,18 @@ impl Step for Report {
                 "sets": synthesised.sets.sets.len(),
             },
         });
+        if let Counters::Periodic { .. } = synthesised.counters {
+            let coordinates: Parametrization = super::read(inputs, inputs.len() - 1)?;
+            let found = places(&prepared, &laid, &coordinates);
+            // Places that are only stretched are many, and small.
+            let (listed, stretched): (Vec<_>, Vec<_>) = found.iter().partition(|s| s.kind != Kind::Distortion);
+            report["synthesis"]["singularities"] = listed.into_iter().map(place).collect();
+            report["synthesis"]["distorted_places"] = stretched.len().into();
+            atlas_inputs -= 1;
+        }
         let (key, counts) = how;
         report["synthesis"][key] = counts;
-        if inputs.len() > 5 {
+        if atlas_inputs > 5 {
             let atlas: Atlas = super::read(inputs, 5)?;
             let bundle: Bundle = super::read(inputs, 6)?;
             report["atlas"] = json!({
@@ -101,6 +114,10 @@ fn described(counters: &Counters, analysis: &[u8]) -> Result<(Value, (&'static s
             });
             (sample, ("quilt", quilt))
         }
+        Counters::Periodic { distorted, winding, three_look_ups } => {
+            let periodic = json!({ "distorted": distorted, "winding": winding, "three_look_ups": three_look_ups });
+            (facts(&MadeTile::from_bytes(analysis)?), ("periodic", periodic))
+        }
     })
 }
 
@@ -142,6 +159,10 @@ impl Step for CanvasReport {
 
 fn singularity(s: &Singularity) -> Value {
     json!({ "index": s.index, "at": s.at.to_f32() })
+}
+
+fn place(s: &Place) -> Value {
+    json!({ "kind": s.kind.name(), "at": s.at.to_f32(), "periods": s.periods, "faces": s.faces })
 }
 
 fn exemplar(map: &JumpMap) -> Value {

@@ -47,6 +47,8 @@ pub(super) enum Counters {
     /// A quilt of faces; how many there were before edges were blended, how many edges are, and the mean continuity error
     /// of all edges before.
     Quilt { quilt: QuiltCounters, faces: u64, blended: u64, edge_error: f64 },
+    /// Periodic coordinates: faces beyond the bound, faces around which they wind, faces shown by three look-ups.
+    Periodic { distorted: u64, winding: u64, three_look_ups: u64 },
 }
 
 /// Corner coordinates and how the synthesis came by them.
@@ -72,6 +74,10 @@ impl Artefact for Synthesised {
                 to.put([pieces, seeds, continued, closings, reopened, relaxed, faces, blended]);
                 to.put(edge_error);
             }
+            Counters::Periodic { distorted, winding, three_look_ups } => {
+                to.put(2u8);
+                to.put([distorted, winding, three_look_ups]);
+            }
         }
         to.slice(&self.metric);
         self.sets.write(to);
@@ -88,6 +94,10 @@ impl Artefact for Synthesised {
                 let quilt = QuiltCounters { pieces, seeds, continued, closings, reopened, relaxed };
                 Counters::Quilt { quilt, faces, blended, edge_error: from.get()? }
             }
+            2 => {
+                let [distorted, winding, three_look_ups] = from.get()?;
+                Counters::Periodic { distorted, winding, three_look_ups }
+            }
             kind => return Err(Damaged(format!("counters of kind {kind}"))),
         };
         let metric: Vec<[f32; 2]> = from.slice()?;
@@ -100,7 +110,7 @@ impl Artefact for Synthesised {
 }
 
 impl Step for Synthesise {
-    super::step_identity!("synthesise", 2);
+    super::step_identity!("synthesise", 3);
 
     fn describe(&self, v: &mut dyn Visitor) {
         let VertexWalkParams { patch, seed, border_band } = self.walk;
