@@ -9,11 +9,12 @@
 //! - The gradient of a distance leads straight to the nearest texel of the target, at one texel per texel, so N steps along it
 //!   are one straight step of their length. What arrives at a texel is looked up there, instead of spreading each texel over
 //!   four at every step: nothing is blurred, and nothing is lost where the field spreads (the printed overlap, a sum of
-//!   tents, does not even keep the mass; a product would). A texel that no straight line leads to lies behind the flow:
-//!   there phi "tends to zero", and it counts as outside, as sweeping would have it. So a feature between two targets
-//!   is torn in two, and not stretched.
+//!   tents, does not even keep the mass; a product would). A texel that no straight line leads to lies behind the flow,
+//!   where it comes from a ridge of the distance: phi "tends to zero" there, but keeps the sign that it had on the ridge, until it is
+//!   swept. (To take such texels for outside at once tears large features to pieces in the first layer.)
 //! - Interior dilation goes at the speed of the sweep whatever N is: a texel when the sweep has gone one farther, a diagonal
 //!   one when it has gone the root of two.
+//! - Between the ends masks are smoothed a little: lines that end on a ridge fray.
 //! - A mask of texels can only move by whole texels: all straight borders would jump at once, and no choice of layers could
 //!   be even. So all three are up to a texel ahead or behind, smoothly from place to place ([`phases`]).
 //! - Sweeping compares |phi_M(s)|, where |phi_0(s)| is printed: only so it begins at the sources of the field, keeps pace
@@ -71,11 +72,34 @@ pub(super) fn morph(from: &Mask, to: &Mask, least: usize) -> Vec<Bits> {
         for _ in 0..(advection.sup / steps as f32).ceil() as usize {
             arrived = advection.dilated(&arrived, travelled);
         }
-        let mut bits = vec![0u64; arrived.len().div_ceil(64)];
-        (0..arrived.len()).filter(|i| arrived[*i] < NEVER).for_each(|i| bits[i / 64] |= 1 << (i % 64));
-        out.push(bits);
+        let on: Vec<bool> = arrived.iter().map(|at| *at < NEVER).collect();
+        out.push(bits_of(&if (1..steps).contains(&n) { smoothed(&on, from, to) } else { on }));
     }
     out
+}
+
+/// A mask without specks and frayed borders, which the ends have as they are: each texel as most around it are, by a
+/// binomial of 3 x 3, but for those that are the same at both ends.
+fn smoothed(on: &[bool], from: &Mask, to: &Mask) -> Vec<bool> {
+    let (w, h) = (from.width() as usize, from.height() as usize);
+    let rows: Vec<u8> = par::map(on.len(), |i| {
+        let (row, x) = (i / w * w, i % w);
+        let at = |x: usize| u8::from(on[row + x]);
+        at((x + w - 1) % w) + 2 * at(x) + at((x + 1) % w)
+    });
+    par::map(on.len(), |i| {
+        if from.data()[i] == to.data()[i] && on[i] == from.data()[i] {
+            return on[i];
+        }
+        let (y, x) = (i / w, i % w);
+        let sum = rows[(y + h - 1) % h * w + x] + 2 * rows[i] + rows[(y + 1) % h * w + x];
+        if sum == 8 { on[i] } else { sum > 8 }
+    })
+}
+
+fn bits_of(on: &[bool]) -> Bits {
+    let word = |part: &[bool]| part.iter().enumerate().fold(0, |word, (i, on)| word | u64::from(*on) << i);
+    on.chunks(64).map(word).collect()
 }
 
 /// The mask that bits stand for.
@@ -139,8 +163,17 @@ impl Advection {
             }
             let [ux, uy] = self.to_target[i];
             let (x, y) = ((i % self.width) as f32, (i / self.width) as f32);
-            let back = [x - ux * travelled, y - uy * travelled];
-            -self.sample(&self.phi, back) >= distance + travelled - SLACK && self.sample(&self.source, back) > 0.0
+            let back = |way: f32| [x - ux * way, y - uy * way];
+            let is_straight = |way: f32| -self.sample(&self.phi, back(way)) >= distance + way - SLACK;
+            let (mut way, mut beyond) = (0.0, travelled);
+            if is_straight(travelled) {
+                way = travelled;
+            }
+            while way < travelled && beyond - way > 0.5 {
+                let half = 0.5 * (way + beyond);
+                *(if is_straight(half) { &mut way } else { &mut beyond }) = half;
+            }
+            self.sample(&self.source, back(way)) > 0.0
         })
     }
 
