@@ -171,8 +171,8 @@ impl<const N: usize> Pyramid<N> {
         if last == 0 {
             return self.sample(at, lod);
         }
-        // `max` first: it turns NaN into 0.
-        let z = m.max(0.0).min(1.0) * last as f32;
+        // What is not a number is 0.
+        let z = if m > 0.0 { m.min(1.0) * last as f32 } else { 0.0 };
         let below = (z as usize).min(last - 1);
         let [a, b] = [below, below + 1].map(|i| self.in_layer(&self.layers[i], at, lod));
         std::array::from_fn(|k| a[k] + (b[k] - a[k]) * (z - below as f32))
