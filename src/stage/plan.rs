@@ -528,7 +528,7 @@ impl Planner<'_> {
         let everywhere = without_areas(from);
         let first = match everywhere == *from {
             true => field,
-            false => self.step(lay_field(&recipe, &everywhere).0, &[prepare.into()]),
+            false => self.step(lay_field(&format!("{recipe}/everywhere"), &everywhere).0, &[prepare.into()]),
         };
         let mut laid = self.step(Parametrise { recipe: recipe.clone() }, &[prepare, first].map(InputId::from));
         if first != field {
