@@ -11,14 +11,14 @@
 //!       TOML, faults   one file per step   graph, cache  digest, book, compare
 //!                      |                     |
 //!   ===================|===== pure from here down: values in, values out =========
-//!   exemplar  field  synth  tile  bake  render |        io --- disk
+//!   exemplar  field  synth  tile  param  bake  render |   io --- disk
 //!   uvset  texture  mesh  numerics
 //! ```
 //!
 //! The path of the data: `io` decodes maps and a scene; [`exemplar`] analyses the maps into a jump map or textons; [`tile`] grows
 //! layers between key exemplars; [`mesh`] welds
 //! and subdivides the scene into the synthesis mesh; [`field`] lays an orientation over it and turns every edge into an
-//! offset in texels; [`synth`] walks the vertices or quilts the faces and hands out corner coordinates, the narrow waist [`uvset`]; [`bake`]
+//! offset in texels; [`synth`] walks the vertices or quilts the faces, or [`param`] lays periodic coordinates, and corner coordinates come out, the narrow waist [`uvset`]; [`bake`]
 //! unwraps and rasterises that into an atlas; [`render`] looks at it. [`stage`] wraps each of these kernels as a step,
 //! [`build`] runs the steps that are stale, [`golden`] compares what came out with what was accepted.
 //!
@@ -50,6 +50,7 @@ pub mod golden;
 pub mod io;
 pub mod mesh;
 pub mod numerics;
+pub mod param;
 pub mod recipe;
 pub mod render;
 pub mod stage;

@@ -12,6 +12,7 @@ const MAY_NAME: &[(&str, &[&str])] = &[
     ("exemplar", &["data"]),
     ("field", &["data"]),
     ("synth", &["data", "exemplar", "field"]),
+    ("param", &["data", "field"]),
     ("tile", &["data", "exemplar"]),
     ("bake", &["data"]),
     ("render", &["data", "bake"]),
@@ -19,7 +20,10 @@ const MAY_NAME: &[(&str, &[&str])] = &[
     ("io", &["data", "disk", "exemplar", "field", "synth", "tile", "bake"]),
     ("recipe", &["numerics", "texture"]),
     ("build", &["disk", "numerics"]),
-    ("stage", &["data", "exemplar", "field", "synth", "tile", "bake", "render", "io", "disk", "recipe", "build"]),
+    (
+        "stage",
+        &["data", "exemplar", "field", "synth", "tile", "param", "bake", "render", "io", "disk", "recipe", "build"],
+    ),
     ("golden", &["data", "io", "disk"]),
     ("cli", &["data", "recipe", "stage", "build", "golden", "io", "disk", "exemplar", "field", "synth", "tile"]),
 ];

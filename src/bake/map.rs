@@ -46,7 +46,28 @@ const TAP_FROM: f32 = 1.25;
 /// Panics if `map` has another number of channels than its kind.
 pub fn bake_map(inputs: &Inputs, kind: MapKind, map: &Texture) -> Result<Texture, Error> {
     check(inputs, map)?;
-    let mut out = match Sampled::new(kind, map) {
+    Ok(baked(inputs, kind, Sampled::new(kind, map)))
+}
+
+/// Bakes one map of a tile, layer by layer from m = 0 to m = 1. Everything else as [`bake_map`]; the sets must have a
+/// material coordinate.
+pub fn bake_tile(inputs: &Inputs, kind: MapKind, layers: &[&Texture]) -> Result<Texture, Error> {
+    let mismatch = |what, found, expected| Err(Error::Mismatch { what, found, expected });
+    if layers.is_empty() {
+        return mismatch("layers", 0, 1);
+    }
+    for layer in layers {
+        check(inputs, layer)?;
+    }
+    let (found, expected) = (inputs.sets.material.len(), 3 * inputs.sets.face_count());
+    if found != expected {
+        return mismatch("corners with a material", found, expected);
+    }
+    Ok(baked(inputs, kind, Sampled::tile(kind, layers)))
+}
+
+fn baked(inputs: &Inputs, kind: MapKind, map: Sampled) -> Texture {
+    let mut out = match map {
         Sampled::One(p) => shade::<1, 1>(inputs, kind, |f, b, lods| f.sets.value(&p, b, lods)),
         Sampled::Three(p) if kind == MapKind::Normal => shade::<4, 3>(inputs, kind, |f, b, lods| f.normal(&p, b, lods)),
         Sampled::Three(p) => shade::<4, 3>(inputs, kind, |f, b, lods| f.sets.value(&p, b, lods)),
@@ -54,7 +75,7 @@ pub fn bake_map(inputs: &Inputs, kind: MapKind, map: &Texture) -> Result<Texture
     dilate(inputs.coverage, &mut out);
     // After the rest is filled: coarse levels look beyond the gutter.
     stitch(inputs.coverage.stitches(), kind, &mut out);
-    Ok(out)
+    out
 }
 
 fn check(inputs: &Inputs, map: &Texture) -> Result<(), Error> {

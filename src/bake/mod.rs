@@ -41,7 +41,7 @@ mod tests;
 pub use atlas::{Atlas, NO_CHART};
 pub use coverage::Coverage;
 pub use error::Error;
-pub use map::{Inputs, bake_map};
+pub use map::{Inputs, bake_map, bake_tile};
 pub use mip::{mip_chain, next_mip};
 pub use orm::pack_orm;
 pub use seam::{SeamError, seam_error};

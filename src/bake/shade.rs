@@ -4,7 +4,8 @@
 //! In: a face, barycentric coordinates, the size of the footprint. Out: the map's value there; for normal maps the
 //! normal in the world.
 //! Magnified samples are bilinear. Minified ones come from box mip levels of the sample in linear light (normals as
-//! vectors), between two levels linearly; positions outside the sample take its border.
+//! vectors), between two levels linearly; positions outside the sample take its border. A tile of several layers
+//! (\[MST09\]) wraps instead, and is linear between two layers too, which mip levels never mix.
 //!
 //! Unaware of: atlases, cameras.
 
@@ -60,11 +61,27 @@ impl<const N: usize> Level<N> {
         let fx = (x - 0.5).max(0.0).min((self.width - 1) as f32);
         let fy = (y - 0.5).max(0.0).min((self.height - 1) as f32);
         let (x0, y0) = (fx as u32, fy as u32);
-        let (tx, ty) = (fx - x0 as f32, fy - y0 as f32);
-        let (dx, dy) = ((x0 + 1 < self.width) as usize, (y0 + 1 < self.height) as usize);
-        let i = y0 as usize * self.width as usize + x0 as usize;
-        let j = i + dy * self.width as usize;
-        let (a, b, c, d) = (&self.data[i], &self.data[i + dx], &self.data[j], &self.data[j + dx]);
+        let (dx, dy) = ((x0 + 1 < self.width) as u32, (y0 + 1 < self.height) as u32);
+        self.mean([x0, x0 + dx], [y0, y0 + dy], [fx - x0 as f32, fy - y0 as f32])
+    }
+
+    /// Bilinear, wrapping.
+    fn sample_wrapped(&self, x: f32, y: f32) -> [f32; N] {
+        let axis = |x: f32, side: u32| {
+            let floor = (x - 0.5).floor();
+            let first = (floor as i64).rem_euclid(i64::from(side)) as u32;
+            let share = x - 0.5 - floor;
+            ([first, if first + 1 < side { first + 1 } else { 0 }], if share.is_finite() { share } else { 0.0 })
+        };
+        let ((columns, tx), (rows, ty)) = (axis(x, self.width), axis(y, self.height));
+        self.mean(columns, rows, [tx, ty])
+    }
+
+    #[inline]
+    fn mean(&self, columns: [u32; 2], rows: [u32; 2], [tx, ty]: [f32; 2]) -> [f32; N] {
+        let at = |x: u32, y: u32| &self.data[y as usize * self.width as usize + x as usize];
+        let (a, b) = (at(columns[0], rows[0]), at(columns[1], rows[0]));
+        let (c, d) = (at(columns[0], rows[1]), at(columns[1], rows[1]));
         std::array::from_fn(|k| {
             let top = a[k] + (b[k] - a[k]) * tx;
             let bottom = c[k] + (d[k] - c[k]) * tx;
@@ -72,11 +89,12 @@ impl<const N: usize> Level<N> {
         })
     }
 
-    /// Half the size, rounded up: means of 2x2 texels, of fewer at an odd border.
-    fn half(&self) -> Self {
+    /// Half the size, rounded up: means of 2x2 texels, at an odd border of fewer or of those on the other side.
+    fn half(&self, wraps: bool) -> Self {
         let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
         let at = |x: u32, y: u32| {
-            let (x, y) = (x.min(self.width - 1), y.min(self.height - 1));
+            let end = |x: u32, side: u32| if wraps { x % side } else { x.min(side - 1) };
+            let (x, y) = (end(x, self.width), end(y, self.height));
             &self.data[y as usize * self.width as usize + x as usize]
         };
         let texels = (0..height).flat_map(|y| (0..width).map(move |x| (2 * x, 2 * y)));
@@ -88,54 +106,98 @@ impl<const N: usize> Level<N> {
     }
 }
 
-/// A map of the sample with its mip levels. `N` is the channels of a texel in memory, at least the map's.
+/// A map of the sample with its mip levels, or that of a tile in several layers. `N` is the channels of a texel in memory,
+/// at least the map's.
 pub struct Pyramid<const N: usize> {
-    levels: Vec<Level<N>>,
+    /// Mip levels of each layer.
+    layers: Vec<Vec<Level<N>>>,
+    /// A tile: it goes on at the other side.
+    wraps: bool,
     mean: [f32; N],
     low: [f32; N],
     high: [f32; N],
 }
 
 impl<const N: usize> Pyramid<N> {
-    /// Builds the levels. Panics if the map has more than `N` channels.
+    /// Builds the levels of an exemplar's map. Panics if it has more than `N` channels.
     pub fn new(map: &Texture) -> Self {
-        let c = map.channels() as usize;
-        assert!(c <= N, "{c} channels in texels of {N}");
-        let texels = map.data().chunks_exact(c);
-        let data: Vec<[f32; N]> = texels.map(|t| std::array::from_fn(|k| if k < c { t[k] } else { 0.0 })).collect();
-        let mut sum = [0.0f64; N];
-        let (mut low, mut high) = ([0.0f32; N], [1.0f32; N]);
-        for t in &data {
-            for k in 0..N {
-                sum[k] += f64::from(t[k]);
-                (low[k], high[k]) = (low[k].min(t[k]), high[k].max(t[k]));
-            }
-        }
-        let mean = sum.map(|s| (s / data.len() as f64) as f32);
-        let mut levels = vec![Level { width: map.width(), height: map.height(), data }];
-        while let Some(last) = levels.last().filter(|l| l.width > 1 || l.height > 1) {
-            levels.push(last.half());
-        }
-        Pyramid { levels, mean, low, high }
+        Self::of(&[map], false)
     }
 
-    /// The value at a position in texels of level 0. `lod` 0 or less is bilinear on the finest level.
+    /// Builds the levels of a map of a tile, layer by layer. Panics if there is none, if their sizes differ, or if one has
+    /// more than `N` channels.
+    pub fn tile(layers: &[&Texture]) -> Self {
+        Self::of(layers, true)
+    }
+
+    fn of(layers: &[&Texture], wraps: bool) -> Self {
+        let size = |t: &Texture| (t.width(), t.height());
+        assert!(layers.iter().all(|l| size(l) == size(layers[0])) && !layers.is_empty(), "layers of one size");
+        let (mut sum, mut count) = ([0.0f64; N], 0.0f64);
+        let (mut low, mut high) = ([0.0f32; N], [1.0f32; N]);
+        let mut levels_of = |map: &Texture| {
+            let c = map.channels() as usize;
+            assert!(c <= N, "{c} channels in texels of {N}");
+            let texels = map.data().chunks_exact(c);
+            let data: Vec<[f32; N]> = texels.map(|t| std::array::from_fn(|k| if k < c { t[k] } else { 0.0 })).collect();
+            for t in &data {
+                for k in 0..N {
+                    sum[k] += f64::from(t[k]);
+                    (low[k], high[k]) = (low[k].min(t[k]), high[k].max(t[k]));
+                }
+            }
+            count += data.len() as f64;
+            let mut levels = vec![Level { width: map.width(), height: map.height(), data }];
+            while let Some(last) = levels.last().filter(|l| l.width > 1 || l.height > 1) {
+                levels.push(last.half(wraps));
+            }
+            levels
+        };
+        let layers = layers.iter().map(|map| levels_of(map)).collect();
+        let mean = sum.map(|s| (s / count) as f32);
+        Pyramid { layers, wraps, mean, low, high }
+    }
+
+    /// The value at a position in texels of level 0, in the first layer. `lod` 0 or less is bilinear on the finest level.
     #[inline]
     pub fn sample(&self, at: Texel, lod: f32) -> [f32; N] {
-        if lod <= 0.0 { self.levels[0].sample(at.x, at.y) } else { self.between_levels(at, lod) }
+        self.in_layer(&self.layers[0], at, lod)
     }
 
-    fn between_levels(&self, at: Texel, lod: f32) -> [f32; N] {
-        let lod = lod.min((self.levels.len() - 1) as f32);
+    /// The value at a position in texels of level 0 and at `m` (0..=1) between the first layer and the last.
+    #[inline]
+    pub fn sample_at(&self, at: Texel, m: f32, lod: f32) -> [f32; N] {
+        let last = self.layers.len() - 1;
+        if last == 0 {
+            return self.sample(at, lod);
+        }
+        // What is not a number is 0.
+        let z = if m > 0.0 { m.min(1.0) * last as f32 } else { 0.0 };
+        let below = (z as usize).min(last - 1);
+        let [a, b] = [below, below + 1].map(|i| self.in_layer(&self.layers[i], at, lod));
+        std::array::from_fn(|k| a[k] + (b[k] - a[k]) * (z - below as f32))
+    }
+
+    #[inline]
+    fn in_layer(&self, levels: &[Level<N>], at: Texel, lod: f32) -> [f32; N] {
+        if lod > 0.0 || self.wraps { self.between_levels(levels, at, lod) } else { levels[0].sample(at.x, at.y) }
+    }
+
+    fn between_levels(&self, levels: &[Level<N>], at: Texel, lod: f32) -> [f32; N] {
+        let lod = lod.max(0.0).min((levels.len() - 1) as f32);
         let i = lod as usize;
         let t = lod - i as f32;
         let on = |i: usize| {
-            let l = &self.levels[i.min(self.levels.len() - 1)];
-            let (sx, sy) =
-                (l.width as f32 / self.levels[0].width as f32, l.height as f32 / self.levels[0].height as f32);
-            l.sample(at.x * sx, at.y * sy)
+            let l = &levels[i.min(levels.len() - 1)];
+            let (sx, sy) = (l.width as f32 / levels[0].width as f32, l.height as f32 / levels[0].height as f32);
+            let (x, y) = (at.x * sx, at.y * sy);
+            if self.wraps { l.sample_wrapped(x, y) } else { l.sample(x, y) }
         };
-        let (a, b) = (on(i), on(i + 1));
+        let a = on(i);
+        if t == 0.0 {
+            return a;
+        }
+        let b = on(i + 1);
         std::array::from_fn(|k| a[k] + (b[k] - a[k]) * t)
     }
 }
@@ -154,6 +216,12 @@ impl Sampled {
         assert_eq!(map.channels(), kind.channels(), "{}", kind.name());
         if kind.channels() == 1 { Sampled::One(Pyramid::new(map)) } else { Sampled::Three(Pyramid::new(map)) }
     }
+
+    /// Builds the pyramid of a map of a tile, layer by layer. Panics like [`new`](Self::new) and [`Pyramid::tile`].
+    pub fn tile(kind: MapKind, layers: &[&Texture]) -> Self {
+        assert!(layers.iter().all(|map| map.channels() == kind.channels()), "{}", kind.name());
+        if kind.channels() == 1 { Sampled::One(Pyramid::tile(layers)) } else { Sampled::Three(Pyramid::tile(layers)) }
+    }
 }
 
 /// Weights below this change no 16-bit value and are left out.
@@ -167,6 +235,8 @@ pub struct FaceSets {
     count: usize,
     corners: [[Texel; 3]; 4],
     weights: [[f32; 4]; 3],
+    /// Position on the material axis; 0 in an exemplar.
+    material: [f32; 3],
     /// Directions in the world of the sample's right and up, not orthonormal; zeros where the face has none.
     frames: [[V3; 2]; 4],
     blend: Blend,
@@ -184,7 +254,16 @@ impl FaceSets {
             corners[s].copy_from_slice(&set[at..at + 3]);
         }
         let weights = [sets.weights[at], sets.weights[at + 1], sets.weights[at + 2]];
-        FaceSets { count, corners, weights, frames: Default::default(), blend: sets.blend, sharpness: sets.sharpness }
+        let material = sets.material.get(at..at + 3).map_or([0.0; 3], |m| [m[0], m[1], m[2]]);
+        FaceSets {
+            count,
+            corners,
+            weights,
+            material,
+            frames: Default::default(),
+            blend: sets.blend,
+            sharpness: sets.sharpness,
+        }
     }
 
     /// Adds what [`normal`](Self::normal) needs: how the sample lies on the face in the world.
@@ -252,6 +331,11 @@ impl FaceSets {
     }
 
     #[inline]
+    fn material_at(&self, b: [f32; 3]) -> f32 {
+        self.material[0] * b[0] + self.material[1] * b[1] + self.material[2] * b[2]
+    }
+
+    #[inline]
     fn position(&self, set: usize, b: [f32; 3]) -> Texel {
         let c = &self.corners[set];
         Texel { x: c[0].x * b[0] + c[1].x * b[1] + c[2].x * b[2], y: c[0].y * b[0] + c[1].y * b[1] + c[2].y * b[2] }
@@ -261,8 +345,9 @@ impl FaceSets {
     #[inline]
     pub fn value<const N: usize>(&self, map: &Pyramid<N>, b: [f32; 3], lods: &[f32; 4]) -> [f32; N] {
         let mut out = [0.0; N];
+        let m = self.material_at(b);
         let (scale, gain) = self.each(b, |w, s, at| {
-            let v = map.sample(at, lods[s]);
+            let v = map.sample_at(at, m, lods[s]);
             for k in 0..N {
                 out[k] += w * v[k];
             }
@@ -277,9 +362,10 @@ impl FaceSets {
     /// Wants [`with_frames`](Self::with_frames).
     pub fn normal(&self, map: &Pyramid<4>, b: [f32; 3], lods: &[f32; 4], n: V3) -> V3 {
         let (mut sum, mut mean) = ([0.0; 3], [0.0; 3]);
+        let m = self.material_at(b);
         let (_, gain) = self.each(b, |w, s, at| {
             let [t, up] = orthonormal(self.frames[s], n);
-            let v = map.sample(at, lods[s]);
+            let v = map.sample_at(at, m, lods[s]);
             for k in 0..3 {
                 sum[k] += w * (t[k] * v[0] + up[k] * v[1] + n[k] * v[2]);
                 mean[k] += w * (t[k] * map.mean[0] + up[k] * map.mean[1] + n[k] * map.mean[2]);

@@ -133,7 +133,7 @@ pub(crate) fn scattered(mesh: &TriMesh, size: [u32; 2], texels_per_unit: f64, bl
         }
     }
     let weights = (0..mesh.faces.len() * 3).map(|c| std::array::from_fn(|s| f32::from(u8::from(s == c % 3)))).collect();
-    UvSets { exemplar_size: size, sets, weights, blend, sharpness: 1 }
+    UvSets { exemplar_size: size, sets, weights, blend, sharpness: 1, material: vec![] }
 }
 
 /// One set: the sample laid flat over x and y, `texels_per_unit` texels a unit, y up.
@@ -144,7 +144,7 @@ pub(crate) fn flat_set(mesh: &TriMesh, size: [u32; 2], texels_per_unit: f64) -> 
     };
     let set: Vec<_> = mesh.faces.iter().flatten().map(corner).collect();
     let weights = vec![[1.0, 0.0, 0.0, 0.0]; set.len()];
-    UvSets { exemplar_size: size, sets: vec![set], weights, blend: Blend::Linear, sharpness: 1 }
+    UvSets { exemplar_size: size, sets: vec![set], weights, blend: Blend::Linear, sharpness: 1, material: vec![] }
 }
 
 /// A mesh of the shared data, if it is there: positions and triangulated faces of an OBJ.

@@ -291,6 +291,7 @@ fn variance_blending_stretches_what_differs_from_the_mean() {
         weights: vec![[0.5, 0.5, 0.0, 0.0]; 3],
         blend: Blend::Variance,
         sharpness: 1,
+        material: vec![],
     };
     let pyramid = Pyramid::<1>::new(&sample);
     let value = |sets: &UvSets| FaceSets::new(sets, 0).value(&pyramid, [0.2, 0.3, 0.5], &[0.0; 4])[0];
@@ -471,7 +472,7 @@ fn variance_blending_and_sharper_weights_keep_the_histogram() {
                 let place = |s: u64| texel(1.0 + 62.0 * d.unit(2 * s) as f32, 1.0 + 62.0 * d.unit(2 * s + 1) as f32);
                 let sets = (0..3).map(|s| vec![place(s); 3]).collect();
                 let weights = vec![[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
-                let sets = UvSets { exemplar_size: [64, 64], sets, weights, blend, sharpness };
+                let sets = UvSets { exemplar_size: [64, 64], sets, weights, blend, sharpness, material: vec![] };
                 let (a, b) = (d.unit(8) as f32, d.unit(9) as f32);
                 let bary = if a + b > 1.0 { [a + b - 1.0, 1.0 - a, 1.0 - b] } else { [1.0 - a - b, a, b] };
                 FaceSets::new(&sets, 0).value(&pyramid, bary, &[0.0; 4])[0]
@@ -486,4 +487,24 @@ fn variance_blending_and_sharper_weights_keep_the_histogram() {
         (distance(Blend::Linear, 1), distance(Blend::Variance, 1), distance(Blend::Linear, 6));
     println!("histogram distances: linear {linear}, variance {variance}, sharpened {sharp}");
     assert!(variance < 0.6 * linear && sharp < 0.6 * linear, "{linear} {variance} {sharp}");
+}
+
+#[test]
+fn a_tile_wraps_and_lies_between_its_layers() {
+    let layer = |v: f32| Texture::from_fn(4, 2, 1, |x, y, out| out[0] = v + (4 * y + x) as f32);
+    let [a, b, c] = [layer(0.0), layer(100.0), layer(300.0)];
+    let p = Pyramid::<1>::tile(&[&a, &b, &c]);
+    let at = |x: f32, y: f32, m: f32| p.sample_at(texel(x, y), m, 0.0)[0];
+    assert_eq!((at(0.5, 0.5, 0.0), at(0.5, 0.5, 0.5), at(0.5, 0.5, 1.0)), (0.0, 100.0, 300.0));
+    assert_eq!((at(0.5, 0.5, 0.25), at(1.5, 0.5, 7.0), at(1.5, 0.5, -1.0)), (50.0, 301.0, 1.0));
+    assert_eq!((at(4.0, 0.5, 0.0), at(0.0, 0.5, 0.0), at(-8.0, 2.5, 0.0)), (1.5, 1.5, 1.5));
+    assert!(at(f32::NAN, f32::INFINITY, f32::NAN).is_finite());
+    assert_eq!(p.sample_at(texel(9.0, -3.0), 0.5, 9.0)[0], 103.5, "the coarsest level is the layer's mean");
+    // On a mesh: one look-up each, m falling from 1 to 0 along x.
+    let t = [texel(0.0, 0.0), texel(4.0, 0.0), texel(4.0, 2.0)].to_vec();
+    let weights = vec![[1.0, 0.0, 0.0, 0.0]; 3];
+    let material = vec![1.0, 0.0, 0.0];
+    let sets = UvSets { exemplar_size: [4, 2], sets: vec![t], weights, blend: Blend::Linear, sharpness: 1, material };
+    let value = FaceSets::new(&sets, 0).value(&p, [0.25, 0.5, 0.25], &[0.0; 4])[0];
+    assert_eq!(value, at(3.0, 0.5, 0.25));
 }

@@ -255,6 +255,13 @@ fn scene(path: &Path, bytes: &[u8]) -> Result<Value, Stop> {
         facts["singular points"] = json!(found.len());
         facts["singularities"] = json!(found);
     }
+    // Of a tile's bake also where its coordinates end or meet.
+    if let Some(found) = report["synthesis"]["singularities"].as_array() {
+        let count = |kind: &str| json!(found.iter().filter(|s| s["kind"] == kind).count());
+        facts["poles"] = count("pole");
+        facts["t-junctions"] = count("t-junction");
+        facts["poles and t-junctions"] = json!(found);
+    }
     // The facts of the surface need one that can be textured.
     let Ok(surface) = document.surface(None) else { return Ok(facts) };
     let (low, high) = surface.mesh.bounds();

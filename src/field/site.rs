@@ -26,7 +26,8 @@ pub(super) struct Site {
 }
 
 /// The place of each (constraint, at, radius): the corner nearest to `at` of the face nearest to `at`. The discs of two
-/// places at different vertices do not meet.
+/// places at different vertices do not meet, unless one of them has no radius and the other, which comes after it, has
+/// one: what acts nearby changes nothing elsewhere.
 pub(super) fn sites(mesh: &TriMesh, wanted: &[(Which, Vec3, Option<f64>)]) -> Result<Vec<Site>, Error> {
     let (low, high) = mesh.bounds();
     let diagonal = (high - low).length();
@@ -48,7 +49,9 @@ pub(super) fn sites(mesh: &TriMesh, wanted: &[(Which, Vec3, Option<f64>)]) -> Re
     for i in 0..sites.len() {
         let p = mesh.positions[sites[i].vertex as usize];
         let apart = |s: &Site| (mesh.positions[s.vertex as usize] - p).length();
-        let nearest = sites.iter().filter(|s| s.vertex != sites[i].vertex).map(apart).fold(f64::INFINITY, f64::min);
+        let own = sites[i];
+        let others = sites.iter().filter(|s| s.vertex != own.vertex && (own.radius.is_some() || s.radius.is_none()));
+        let nearest = others.map(apart).fold(f64::INFINITY, f64::min);
         sites[i].disc = sites[i].disc.min(nearest * 0.25);
     }
     Ok(sites)

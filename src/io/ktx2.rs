@@ -132,7 +132,7 @@ fn descriptor(srgb: bool) -> Vec<u8> {
     // A block of one texel, four bytes in the first plane.
     words.extend([0, 4, 0]);
     for (i, channel) in [0, 1, 2, 15 | if srgb { LINEAR } else { 0 }].into_iter().enumerate() {
-        words.extend([8 * i as u32 | 7 << 16 | channel << 24, 0, 0, 255]);
+        words.extend([(8 * i as u32) | (7 << 16) | (channel << 24), 0, 0, 255]);
     }
     words.into_iter().flat_map(u32::to_le_bytes).collect()
 }

@@ -134,6 +134,7 @@ fn every_key_arrives() {
             }],
             align: vec![],
             scale: vec![ScalePoint { at: Vec3::ZERO, factor: 2.0, radius: None }],
+            material: vec![],
         }
     );
     assert_eq!(
@@ -456,8 +457,14 @@ fn mistakes_are_named_with_place_and_remedy() {
         (
             "value = 0.0",
             "value = 0.5",
-            "31:40: this version of kiln can't do `field.material[0].value = 0.5` yet: \
-            expected 0, the only exemplar",
+            "31:40: `field.material[0].value` is a place between the keys of a tile: \
+            expected 0, the only exemplar, or `analysis.method = \"material-space\"`",
+        ),
+        (
+            "shading = \"lit\"",
+            "shading = \"singularities\"",
+            "56:11: `render[0]` shows the coordinates of a tile, and there is none: \
+            expected `analysis.method = \"material-space\"`, or \"field\" for the field's singularities",
         ),
         (
             "at = [0, 0, 0], factor",
@@ -560,12 +567,12 @@ fn textons_have_their_keys_and_only_they() {
 }
 
 #[test]
-fn what_is_not_built_yet_parses_and_is_refused_by_name() {
+fn methods_parse_and_what_is_not_built_in_is_refused_by_name() {
     let texton = "analysis = { method = 'texton', window = 9, count = 'auto', features = 'filter-bank' }\n";
     assert_eq!(faults(&(texton.to_string() + LEAST)), [""; 0]);
     let tile = "[analysis]\nmethod = 'material-space'\nlayers = 4\n[[analysis.key]]\nbase_color = 'b.png'\n\
                 feature_mask = 'f.png'\n";
-    assert_eq!(faults(&(LEAST.to_string() + tile)).len(), 1);
+    assert_eq!(faults(&(LEAST.to_string() + tile)), [""; 0]);
     let built_with = faults(&(LEAST.replace("{}", "{ unwrap = 'xatlas' }")));
     assert_eq!(built_with.is_empty(), cfg!(feature = "xatlas"), "{built_with:?}");
 }
@@ -677,10 +684,11 @@ fn mistakes_in_defaults_point_into_kiln_toml() {
          quotes: 1"
     );
     // What only a recipe can tell is told of the recipe, at the place of the default.
-    let project = of("\n[defaults.analysis]\nmethod = 'material-space'\n").unwrap_or_else(|f| panic!("{f}"));
-    let faults = parse(Path::new("r.toml"), LEAST.as_bytes(), Some(&project.defaults)).expect_err("not built yet");
-    assert!(faults.to_string().starts_with("kiln.toml:3:10: this version"), "{faults}");
-    assert!(faults.render(false).contains("3 | method = 'material-space'"));
+    let project = of("\n[defaults.analysis]\nmethod = 'texton'\n").unwrap_or_else(|f| panic!("{f}"));
+    let canvas = b"canvas.size = [8, 8]\nexemplar.base_color = 'c.png'\n";
+    let faults = parse(Path::new("r.toml"), canvas, Some(&project.defaults)).expect_err("no mesh");
+    assert!(faults.to_string().starts_with("kiln.toml:3:10: textons are quilted over"), "{faults}");
+    assert!(faults.render(false).contains("3 | method = 'texton'"));
     assert!(of("").is_ok());
 }
 

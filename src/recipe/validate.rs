@@ -96,6 +96,7 @@ pub(super) fn recipe(name: String, path: PathBuf, from: schema::Recipe, context:
     let schema::Synthesis { scale, seed, order, patch, refine, blend, candidates, blend_threshold, sharpness } =
         synthesis;
     let is_canvas = canvas.is_some();
+    let has_keys = analysis.method == Method::MaterialSpace;
     let target = match canvas {
         Some(canvas) => {
             if blend == Blend::Variance {
@@ -115,17 +116,17 @@ pub(super) fn recipe(name: String, path: PathBuf, from: schema::Recipe, context:
                 },
                 order,
                 sharpness,
-                field: field_of(field.unwrap_or_default(), context),
+                field: field_of(field.unwrap_or_default(), has_keys, context),
                 atlas: atlas.map(|atlas| atlas_of(atlas, &exemplar, context)),
                 uv_sets: uv_sets.map(|schema::UvSets { weld }| UvSets { weld }),
-                renders: renders_of(render, context),
+                renders: renders_of(render, has_keys, context),
             })
         }
     };
     let first = exemplar.samples().swap_remove(0);
     let mut analysis = analysis_of(analysis, (candidates, blend_threshold), is_canvas, context);
     if let Some(tile) = &mut analysis.tile {
-        check_tile(tile, &first, &target, context);
+        check_tile(tile, &first, context);
     }
     Recipe { name, path, exemplar, analysis, synthesis: Synthesis { seed, patch, refine, blend }, target }
 }
@@ -310,7 +311,7 @@ fn analysis_of(from: schema::Analysis, quilt: (u32, f64), is_canvas: bool, conte
 }
 
 /// Checks the keys of a tile against the first, and that there is a layer for each.
-fn check_tile(tile: &TileKeys, first: &Sample, target: &Target, context: &mut Context) {
+fn check_tile(tile: &TileKeys, first: &Sample, context: &mut Context) {
     samples::check_alike("analysis.key", first, &tile.keys, context);
     let count = tile.keys.len() as u32 + 1;
     if tile.layers < count {
@@ -319,23 +320,23 @@ fn check_tile(tile: &TileKeys, first: &Sample, target: &Target, context: &mut Co
         let allowed = format!("at least {count}: [exemplar] and each [[analysis.key]] is a layer");
         context.findings.push(fault.found(tile.layers.to_string()).allowed(allowed));
     }
-    if let Target::Mesh(bake) = target
-        && (bake.atlas.is_some() || bake.uv_sets.is_some() || !bake.renders.is_empty())
-    {
-        let value = "\"material-space\" with [atlas], [uv_sets] or [[render]]";
-        context.not_yet("analysis.method", value, "none of them: then only the tile is written");
-    }
 }
 
-fn field_of(from: schema::Field, context: &mut Context) -> Field {
+fn field_of(from: schema::Field, has_keys: bool, context: &mut Context) -> Field {
     let schema::Field { symmetry, orientation, singularities, align, scale, material } = from;
     refuse_twice("field.align", &align.iter().map(|line| line.name()).collect::<Vec<_>>(), context);
-    for (i, schema::MaterialPoint { at: _, value, radius: _ }) in material.into_iter().enumerate() {
-        // With one exemplar the material axis is 0 everywhere; saying so is no mistake.
-        if let Some(value) = value.filter(|&value| value != 0.0) {
-            context.not_yet(&format!("field.material[{i}].value"), &format!("{value:?}"), "0, the only exemplar");
+    let value_of = |(i, schema::MaterialPoint { at, value, radius }): (usize, _)| {
+        let value = value.unwrap_or(0.0);
+        // Of one exemplar the material axis is 0 everywhere; saying so is no mistake.
+        if value != 0.0 && !has_keys {
+            let key = format!("field.material[{i}].value");
+            let fault = context.fault(&key, format!("`{key}` is a place between the keys of a tile"));
+            let allowed = "0, the only exemplar, or `analysis.method = \"material-space\"`";
+            context.findings.push(fault.found(format!("{value:?}")).allowed(allowed));
         }
-    }
+        MaterialPoint { at: point(at), value, radius }
+    };
+    let material: Vec<MaterialPoint> = material.into_iter().enumerate().map(value_of).collect();
     let (symmetry, ways) = match symmetry {
         schema::Symmetry::Ways(2) => (Symmetry::Two, 2),
         schema::Symmetry::Ways(4) => (Symmetry::Four, 4),
@@ -373,6 +374,7 @@ fn field_of(from: schema::Field, context: &mut Context) -> Field {
                 radius,
             })
             .collect(),
+        material: if has_keys { material } else { Vec::new() },
     }
 }
 
@@ -571,7 +573,7 @@ fn refuse_format(key: &str, format: ImageFormat, context: &mut Context) {
     }
 }
 
-fn renders_of(from: Vec<schema::Render>, context: &mut Context) -> Vec<Render> {
+fn renders_of(from: Vec<schema::Render>, has_keys: bool, context: &mut Context) -> Vec<Render> {
     let mut out: Vec<Render> = Vec::with_capacity(from.len());
     for (i, schema::Render { view, camera, size, shading }) in from.into_iter().enumerate() {
         let key = format!("render[{i}]");
@@ -579,6 +581,12 @@ fn renders_of(from: Vec<schema::Render>, context: &mut Context) -> Vec<Render> {
             Some(camera) => camera_of(&format!("{key}.camera"), camera, context),
             None => View::Turntable(view.map_or(DEFAULT_TURNTABLE, |text| turntable(&key, &text, context))),
         };
+        if shading == Shading::Singularities && !has_keys {
+            let message = format!("`{key}` shows the coordinates of a tile, and there is none");
+            let fault = context.fault(&format!("{key}.shading"), message).found("\"singularities\"");
+            let allowed = "`analysis.method = \"material-space\"`, or \"field\" for the field's singularities";
+            context.findings.push(fault.allowed(allowed));
+        }
         let pixels = match view {
             View::Turntable(n) => u64::from(n) * u64::from(size) * u64::from(size),
             View::Camera { .. } => u64::from(size) * u64::from(size),

@@ -298,6 +298,8 @@ pub struct Field {
     pub align: Vec<AlignTo>,
     /// Local factors on the scale.
     pub scale: Vec<ScalePoint>,
+    /// The material axis at points; empty but for material space.
+    pub material: Vec<MaterialPoint>,
 }
 
 /// "Up" of the sample at a point.
@@ -338,6 +340,17 @@ pub struct ScalePoint {
     pub at: Vec3,
     /// Multiplies the texels per unit.
     pub factor: f64,
+    /// Acts only within this geodesic distance.
+    pub radius: Option<f64>,
+}
+
+/// A position on the material axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MaterialPoint {
+    /// The point; the nearest of the surface counts.
+    pub at: Vec3,
+    /// 0 at the first key, 1 at the last.
+    pub value: f64,
     /// Acts only within this geodesic distance.
     pub radius: Option<f64>,
 }

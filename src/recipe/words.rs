@@ -185,6 +185,8 @@ words! {
         Uv = "uv",
         /// Strokes along the orientation, thick end up; singularities marked.
         Field = "field",
+        /// material-space: the grid of the tile, with poles and T-junctions marked and blended triangles tinted.
+        Singularities = "singularities",
     }
 
     /// A map as a file: one of the exemplar's, or one that goes out.

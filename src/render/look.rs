@@ -71,8 +71,18 @@ pub struct SetsLook<'a> {
 impl<'a> SetsLook<'a> {
     /// Faces are those of the synthesis mesh.
     pub fn new(mesh: &TriMesh, sets: &'a UvSets, maps: &MapSet) -> Self {
+        Self::of(mesh, sets, maps.iter().map(|(kind, map)| (kind, Sampled::new(kind, map))).collect())
+    }
+
+    /// Through a tile: its layers from m = 0 to m = 1, all with the same maps, at least one.
+    pub fn tile(mesh: &TriMesh, sets: &'a UvSets, layers: &[MapSet]) -> Self {
+        let of = |kind| layers.iter().filter_map(|layer| layer.get(kind)).collect::<Vec<_>>();
+        let kinds = layers.iter().take(1).flat_map(|first| first.iter());
+        Self::of(mesh, sets, kinds.map(|(kind, _)| (kind, Sampled::tile(kind, &of(kind)))).collect())
+    }
+
+    fn of(mesh: &TriMesh, sets: &'a UvSets, maps: BTreeMap<MapKind, Sampled>) -> Self {
         let faces = (0..mesh.faces.len()).map(|f| FaceSets::new(sets, f).with_frames(mesh, f)).collect();
-        let maps = maps.iter().map(|(kind, map)| (kind, Sampled::new(kind, map))).collect();
         SetsLook { sets, faces, maps }
     }
 
@@ -132,7 +142,9 @@ impl Look for SetsLook<'_> {
     fn source(&self, face: usize, bary: V3) -> Option<[f32; 2]> {
         let at = self.sets.at(self.strongest(face, bary), face, bary);
         let [w, h] = self.sets.exemplar_size.map(|s| s as f32);
-        Some([at.x / w, at.y / h])
+        let share = [at.x / w, at.y / h];
+        // A tile goes on at the other side.
+        Some(if self.sets.material.is_empty() { share } else { share.map(|s| s - s.floor()) })
     }
 
     fn checker(&self, face: usize, bary: V3) -> (Texel, f32) {

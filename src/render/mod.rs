@@ -8,12 +8,14 @@
 //! Unaware of: files, recipes, how the texture was made.
 
 mod camera;
+mod grid;
 mod light;
 mod look;
 mod raster;
 mod strokes;
 
 pub use camera::{View, turntable};
+pub use grid::Grid;
 pub use look::{Appearance, AtlasLook, AtlasMaps, Hit, Look, SetsLook, synthesis_normals};
 pub use raster::render;
 pub use strokes::Strokes;

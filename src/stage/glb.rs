@@ -3,7 +3,8 @@
 use crate::bake::{Atlas, pack_orm, tangents};
 use crate::build::{Inputs, Step, StepError, Visitor};
 use crate::io::gltf::{
-    AlphaMode, AtlasCorners, BakedImage, BakedMaps, TriangleOrder, Use, UvSetOutput, write_atlas, write_uv_sets,
+    AlphaMode, AtlasCorners, BakedImage, BakedMaps, MaterialSpace, TriangleOrder, Use, UvSetOutput, write_atlas,
+    write_uv_sets,
 };
 use crate::io::image_file::{Compression, Transfer, encode_png};
 use crate::io::image_quantise::{Encoding, dequantise, quantise};
@@ -11,6 +12,7 @@ use crate::io::{Pixels, SampleType};
 use crate::mesh::Surface;
 use crate::texture::{MapKind, MapSet, Texture};
 
+use super::material_space::Source;
 use super::prepare::Prepared;
 use super::rasterise::{Bundle, GLTF_ORM};
 use super::surface::SceneFiles;
@@ -95,7 +97,8 @@ impl Step for AtlasGlb {
     }
 }
 
-/// Reads the scene's files, the surface, the synthesis mesh, the corner coordinates and the maps.
+/// Reads the scene's files, the surface, the synthesis mesh, the corner coordinates and the maps or the tile. Of a
+/// tile, the material shows the layer at m = 0.
 pub(super) struct UvSetsGlb {
     pub recipe: String,
     pub scene: SceneFiles,
@@ -167,11 +170,18 @@ impl Step for UvSetsGlb {
         let surface: Surface = super::read(inputs, first)?;
         let prepared: Prepared = super::read(inputs, first + 1)?;
         let synthesised: Synthesised = super::read(inputs, first + 2)?;
-        let maps: MapSet = super::read(inputs, first + 3)?;
-        let (images, means) = sample_maps(&self.recipe, &maps)?;
-        let mean_color = maps.get(MapKind::BaseColor).map(|t| {
+        let source = Source::read(inputs, first + 3)?;
+        let (mut images, means) = sample_maps(&self.recipe, source.first())?;
+        images.repeats = source.is_tile();
+        let mean_color = source.first().get(MapKind::BaseColor).map(|t| {
             let m = mean(t);
             [m[0], m[1], m[2]]
+        });
+        let tile = format!("{}.tile.ktx2", self.recipe);
+        let material_space = source.is_tile().then_some(MaterialSpace {
+            values: &synthesised.sets.material,
+            layers: source.layers().len() as u32,
+            tile: &tile,
         });
         let output = UvSetOutput {
             weld_texels: self.weld_texels as f32,
@@ -180,7 +190,7 @@ impl Step for UvSetsGlb {
             means: &means,
             repeat_weights_in_uv: false,
             triangles: self.triangles,
-            material_space: None,
+            material_space,
             edge_metric: &synthesised.metric,
         };
         Ok(write_uv_sets(&document, &surface, &prepared.mesh, &synthesised.sets, &output)?)

@@ -14,6 +14,7 @@
 //!           in place of the prepared one
 //! lod:      its prepare ---> take from finest (instead of field and synthesise) ---> as above
 //! tiles:    maps of each key ---> tile ---> tile texture, tile strip, one each per map
+//!           in place of synthesise: prepared, field --> parametrise --> [effect areas] --> place in tile; the tile is the maps
 //! canvas:   maps -------> analyse ----------> walk image ------> copy image ------------> encode
 //! flipbook: flipbook ---> analyse flipbook -> walk flipbook ---> copy frame, one each --> encode
 //! ```
@@ -31,6 +32,7 @@ mod flipbook;
 mod glb;
 mod lod;
 mod maps;
+mod material_space;
 pub mod painting;
 pub mod plan;
 mod prepare;

@@ -40,10 +40,11 @@ use super::flipbook::{AnalyseFlipbook, CopyFrame, ReadFlipbook, WalkFlipbook, fr
 use super::glb::{AtlasGlb, UvSetsGlb};
 use super::lod::TakeFromFinest;
 use super::maps::Maps;
+use super::material_space::{FollowAreas, Parametrise, PlaceInTile};
 use super::painting::Picture;
 use super::prepare::{Prepare, Scale};
 use super::rasterise::{ImageSpec, Rasterise};
-use super::render::{RenderField, RenderView};
+use super::render::{RenderField, RenderSingularities, RenderView};
 use super::report::{CanvasReport, Report};
 use super::scenes::Scenes;
 use super::sheet::{Form, Stack};
@@ -434,22 +435,34 @@ impl Planner<'_, '_> {
 
     /// A textured mesh and its simplifications: the finest is synthesised, the others take from it.
     fn mesh(&mut self, bake: &MeshBake, scenes: Vec<Scene>) {
-        if let Some(tile) = self.recipe.analysis.tile.clone() {
-            let tile = self.tile(&tile);
+        let textons = self.recipe.analysis.textons;
+        let keys = self.recipe.analysis.tile.clone();
+        let tile = keys.as_ref().map(|keys| self.tile(keys));
+        if let (Some(tile), None, None, true) = (tile, &bake.atlas, &bake.uv_sets, bake.renders.is_empty()) {
             let report = self.step(ReportTile { recipe: self.name() }, &[tile.into()]);
             self.output(report, "report.json");
             return;
         }
-        let samples = self.recipe.exemplar.samples();
-        let maps = self.maps(0, &samples[0]);
-        let textons = self.recipe.analysis.textons;
-        let analyse = match textons {
-            None => self.analyse(maps, false),
-            Some(textons) => self.analyse_textons(maps, &textons),
+        // A tile is both what is looked up and what is known of it.
+        let (maps, analyse) = match (tile, textons) {
+            (Some(tile), _) => (tile, tile),
+            (None, textons) => {
+                let samples = self.recipe.exemplar.samples();
+                let maps = self.maps(0, &samples[0]);
+                let analyse = match textons {
+                    None => self.analyse(maps, false),
+                    Some(textons) => self.analyse_textons(maps, &textons),
+                };
+                (maps, analyse)
+            }
         };
         let max_factor = bake.field.scale.iter().fold(1.0, |m: f64, c| m.max(c.factor));
         // The published method takes triangles as they are, as long as there is room for a choice of places.
-        let max_span_share = (textons.is_some() && self.recipe.synthesis.refine == 0).then_some(0.25);
+        let max_span_share = match textons {
+            _ if keys.is_some() => Some(PERIOD_SHARE),
+            Some(_) if self.recipe.synthesis.refine == 0 => Some(0.25),
+            _ => None,
+        };
         let mut finest = None;
         for (level, scene) in scenes.into_iter().enumerate() {
             let name = if level == 0 { self.name() } else { format!("{}.lod{level}", self.recipe.name) };
@@ -462,25 +475,21 @@ impl Planner<'_, '_> {
                 (recipe::Scale::Auto, None) => Scale::Auto,
             };
             let prepare = self.step(Prepare { recipe: name.clone(), scale, max_factor, max_span_share }, &inputs);
-            let (prepare, synthesise, field) = match finest {
+            let laid = match finest {
                 None => self.synthesise(bake, [prepare, analyse, maps]),
                 Some((finest, synthesised)) => {
                     let inputs = [finest, synthesised, prepare].map(InputId::from);
-                    (prepare, self.step(TakeFromFinest { recipe: name.clone() }, &inputs), None)
+                    let synthesise = self.step(TakeFromFinest { recipe: name.clone() }, &inputs);
+                    LaidOut { prepare, synthesise, field: None, coordinates: None }
                 }
             };
-            finest = finest.or(Some((prepare, synthesise)));
-            self.level(bake, name, scene, Level { maps, analyse, surface, prepare, synthesise, field });
+            finest = finest.or(Some((laid.prepare, laid.synthesise)));
+            self.level(bake, name, scene, Level { maps, analyse, surface, laid });
         }
     }
 
-    /// The field and what is laid along it; of synthesis mesh, analysis and maps. Gives the mesh on which the result lies,
-    /// the result and the field.
-    fn synthesise(
-        &mut self,
-        bake: &MeshBake,
-        [prepare, analyse, maps]: [StepId; 3],
-    ) -> (StepId, StepId, Option<StepId>) {
+    /// The field and what is laid along it; of synthesis mesh, analysis and maps.
+    fn synthesise(&mut self, bake: &MeshBake, [prepare, analyse, maps]: [StepId; 3]) -> LaidOut {
         let recipe = self.name();
         let (field, symmetry) = lay_field(&recipe, &bake.field);
         let field = self.step(field, &[prepare.into()]);
@@ -490,16 +499,23 @@ impl Planner<'_, '_> {
             recipe::WalkOrder::RenderingSequence => Order::RenderingSequence,
         };
         let inputs = [prepare, field, analyse, maps];
-        let (prepare, synthesise) = match self.recipe.analysis.textons {
-            None => (prepare, self.walk_vertices(bake.sharpness, order, symmetry, importance, inputs)),
-            Some(textons) => self.quilt_faces(&textons, symmetry, importance, inputs),
+        let mut coordinates = None;
+        let (prepare, synthesise) = match (&self.recipe.analysis.tile.clone(), self.recipe.analysis.textons) {
+            (Some(keys), _) => {
+                let (placed, laid) = self.place_in_tile(keys, &bake.field, prepare, field);
+                coordinates = Some(laid);
+                (prepare, placed)
+            }
+            (None, None) => (prepare, self.walk_vertices(bake.sharpness, order, symmetry, importance, inputs)),
+            (None, Some(textons)) => self.quilt_faces(&textons, symmetry, importance, inputs),
         };
-        (prepare, synthesise, Some(field))
+        LaidOut { prepare, synthesise, field: Some(field), coordinates }
     }
 
     /// What comes out of one level of detail.
     fn level(&mut self, bake: &MeshBake, recipe: String, (scene, files): Scene, level: Level) {
-        let Level { maps, analyse, surface, prepare, synthesise, field } = level;
+        let Level { maps, analyse, surface, laid } = level;
+        let LaidOut { prepare, synthesise, field, coordinates } = laid;
         let mut atlas_steps = None;
         if let Some(atlas) = &bake.atlas {
             let (layout, gutter_px) = layout(atlas);
@@ -537,7 +553,12 @@ impl Planner<'_, '_> {
                     self.step(RenderField { recipe, view }, &inputs)
                 }
                 // Levels of detail have no field of their own.
-                (recipe::Shading::Field, None) => continue,
+                (recipe::Shading::Field | recipe::Shading::Singularities, None) => continue,
+                (recipe::Shading::Singularities, Some(field)) => {
+                    // Refused without a tile.
+                    let inputs = [surface, prepare, field, coordinates.unwrap_or(field)].map(InputId::from);
+                    self.step(RenderSingularities { recipe, view }, &inputs)
+                }
                 _ => self.step(RenderView { recipe, view }, &inputs),
             };
             self.output(render, &path);
@@ -546,8 +567,36 @@ impl Planner<'_, '_> {
         if let Some(field) = field {
             inputs.insert(4, field.into());
         }
+        inputs.extend(coordinates.map(InputId::from));
         let report = self.step(Report { recipe, has_field: field.is_some() }, &inputs);
         self.output(report, &format!("report{suffix}.json"));
+    }
+
+    /// Lays periodic coordinates over the prepared mesh and its field, and places it in the tile. Gives where it lies, and
+    /// the coordinates.
+    fn place_in_tile(
+        &mut self,
+        keys: &recipe::TileKeys,
+        from: &recipe::Field,
+        prepare: StepId,
+        field: StepId,
+    ) -> (StepId, StepId) {
+        let recipe = self.name();
+        let everywhere = without_areas(from);
+        let first = match everywhere == *from {
+            true => field,
+            false => self.step(lay_field(&format!("{recipe}/everywhere"), &everywhere).0, &[prepare.into()]),
+        };
+        let mut laid = self.step(Parametrise { recipe: recipe.clone() }, &[prepare, first].map(InputId::from));
+        if first != field {
+            let inputs = [prepare, laid, first, field].map(InputId::from);
+            laid = self.step(FollowAreas { recipe: recipe.clone() }, &inputs);
+        }
+        let value = |&recipe::MaterialPoint { at, value, radius }: &_| ScalarConstraint { at, value, radius };
+        let material: Vec<ScalarConstraint> = from.material.iter().map(value).collect();
+        let wandering = (keys.keys.is_empty() && material.is_empty()).then_some(self.recipe.synthesis.seed);
+        let placed = self.step(PlaceInTile { recipe, material, wandering }, &[prepare, laid].map(InputId::from));
+        (placed, laid)
     }
 
     /// Analyses the sample into textons.
@@ -602,6 +651,18 @@ impl Planner<'_, '_> {
     }
 }
 
+/// Part of a tile's side that an edge may take: half as many triangles are shown by three look-ups as at a half.
+const PERIOD_SHARE: f64 = 0.125;
+
+/// The field without what acts only nearby.
+fn without_areas(field: &recipe::Field) -> recipe::Field {
+    let mut field = field.clone();
+    field.orientation.retain(|c| c.radius.is_none());
+    field.singularities.retain(|c| c.radius.is_none());
+    field.scale.retain(|c| c.radius.is_none());
+    field
+}
+
 /// How far a piece of a quilt reaches around its first triangle, in exemplar sides, where `patch` is 1.
 const PIECE_REACH: f64 = 0.0625;
 
@@ -621,9 +682,16 @@ struct Level {
     maps: StepId,
     analyse: StepId,
     surface: StepId,
+    laid: LaidOut,
+}
+
+/// The mesh on which a result lies, the result, and what it followed.
+struct LaidOut {
     prepare: StepId,
     synthesise: StepId,
     field: Option<StepId>,
+    /// Periodic coordinates, of a tile's bake.
+    coordinates: Option<StepId>,
 }
 
 fn is_picture(uri: &str) -> bool {
@@ -695,7 +763,8 @@ fn layout(atlas: &recipe::Atlas) -> (Layout, u32) {
 }
 
 fn lay_field(recipe: &str, from: &recipe::Field) -> (LayField, Symmetry) {
-    let recipe::Field { symmetry, orientation, singularities, align: lines, scale } = from;
+    // The material axis is no part of the field.
+    let recipe::Field { symmetry, orientation, singularities, align: lines, scale, material: _ } = from;
     let symmetry = match symmetry {
         recipe::Symmetry::One => Symmetry::One,
         recipe::Symmetry::Two => Symmetry::Two,

@@ -3,7 +3,8 @@
 use crate::build::{Inputs, Step, StepError, Visitor};
 use crate::io::artefact::{Artefact, Damaged, Reader, Writer};
 use crate::mesh::{PrepareParams, Surface, SynthesisMesh, TriMesh, prepare};
-use crate::texture::MapSet;
+
+use super::material_space::Source;
 
 /// Average longest edge as a share of the exemplar's shorter side that "auto" aims at: tau of \[MK03\] Eq. 1. At a tenth
 /// a triangle shows a small piece of the sample and a 1-ring fits it with room to spare.
@@ -19,7 +20,7 @@ pub(super) enum Scale {
     Same,
 }
 
-/// Reads the surface, the maps (for their size) and, for the same scale, another synthesis mesh.
+/// Reads the surface, the maps or the tile (for their size) and, for the same scale, another synthesis mesh.
 pub(super) struct Prepare {
     pub recipe: String,
     pub scale: Scale,
@@ -75,8 +76,8 @@ impl Step for Prepare {
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
         let surface: Surface = super::read(inputs, 0)?;
-        let maps: MapSet = super::read(inputs, 1)?;
-        let exemplar_size = [maps.width(), maps.height()];
+        let source = Source::read(inputs, 1)?;
+        let exemplar_size = [source.first().width(), source.first().height()];
         let scale = match self.scale {
             Scale::Fixed(scale) => scale,
             Scale::Auto => auto_scale(&surface.mesh, exemplar_size)?,

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::bake::{self, Atlas, Coverage, bake_map, pack_orm, seam_error, tangents};
+use crate::bake::{self, Atlas, Coverage, bake_map, bake_tile, pack_orm, seam_error, tangents};
 use crate::build::{Inputs, Step, StepError, Visitor};
 use crate::io::artefact::{Artefact, Damaged, Reader, Writer};
 use crate::io::image_quantise::{Encoding, quantise};
@@ -11,6 +11,7 @@ use crate::mesh::Surface;
 use crate::recipe::MapFile;
 use crate::texture::{MapKind, MapSet, Texture};
 
+use super::material_space::Source;
 use super::prepare::Prepared;
 use super::synthesise::Synthesised;
 
@@ -124,7 +125,7 @@ pub(super) fn images(
     Ok(Bundle { images: bundle, figures: BTreeMap::new() })
 }
 
-/// Reads surface, synthesis mesh, corner coordinates, atlas and maps.
+/// Reads surface, synthesis mesh, corner coordinates, atlas and the maps or the tile.
 pub(super) struct Rasterise {
     pub recipe: String,
     pub images: Vec<ImageSpec>,
@@ -156,7 +157,7 @@ impl Step for Rasterise {
         let prepared: Prepared = super::read(inputs, 1)?;
         let synthesised: Synthesised = super::read(inputs, 2)?;
         let atlas: Atlas = super::read(inputs, 3)?;
-        let maps: MapSet = super::read(inputs, 4)?;
+        let source = Source::read(inputs, 4)?;
         let tangents = tangents(&surface, &atlas);
         let coverage = Coverage::new(&surface, &prepared.mesh, &atlas, &tangents, self.gutter_px)?;
         let shared = bake::Inputs {
@@ -168,8 +169,14 @@ impl Step for Rasterise {
             sets: &synthesised.sets,
         };
         let mut figures = BTreeMap::new();
-        let mut bundle = images(&self.images, &maps, true, |kind, map| {
-            let baked = bake_map(&shared, kind, map)?;
+        let mut bundle = images(&self.images, source.first(), true, |kind, map| {
+            let baked = match &source {
+                Source::Exemplar(_) => bake_map(&shared, kind, map)?,
+                Source::Tile(made) => {
+                    let layers: Vec<&Texture> = made.tile.layers().iter().filter_map(|maps| maps.get(kind)).collect();
+                    bake_tile(&shared, kind, &layers)?
+                }
+            };
             if kind == MapKind::BaseColor {
                 for mip in 0..4 {
                     figures.insert(format!("seam_mip{mip}"), seam_error(&surface, &atlas, kind, &baked, mip).mean);

@@ -11,17 +11,19 @@ use crate::io::image_quantise::{Encoding, dequantise, quantise};
 use crate::io::{Pixels, SampleType};
 use crate::mesh::{Surface, TriMesh};
 use crate::numerics::vec::Vec3;
+use crate::param::{Kind, Parametrization, Singularity};
 use crate::recipe::{self, Render, Shading};
 use crate::render::{
-    self, AtlasLook, AtlasMaps, Look, Mode, Scene, SetsLook, Strokes, View, synthesis_normals, turntable,
+    self, AtlasLook, AtlasMaps, Grid, Look, Mode, Scene, SetsLook, Strokes, View, synthesis_normals, turntable,
 };
-use crate::texture::{MapSet, Texture};
+use crate::texture::Texture;
 
+use super::material_space::{Source, places};
 use super::prepare::Prepared;
 use super::rasterise::{Bundle, GLTF_ORM};
 use super::synthesise::Synthesised;
 
-/// Reads surface, synthesis mesh, corner coordinates and maps, and of an atlas bake the atlas and its images.
+/// Reads surface, synthesis mesh, corner coordinates and the maps or the tile, and of an atlas bake the atlas and its images.
 pub(super) struct RenderView {
     pub recipe: String,
     pub view: Render,
@@ -53,7 +55,7 @@ fn picture(view: &Render, surface: &Surface, mesh: &TriMesh, normals: &[Vec3], l
     };
     let mode = match view.shading {
         Shading::Unlit => Mode::Unlit,
-        Shading::Lit | Shading::Field => Mode::Lit,
+        Shading::Lit | Shading::Field | Shading::Singularities => Mode::Lit,
         Shading::Normal => Mode::Normal,
         Shading::Patches => Mode::Patches,
         Shading::Uv => Mode::Uv,
@@ -106,6 +108,49 @@ impl Step for RenderField {
     }
 }
 
+/// A view of the periodic coordinates: reads surface, synthesis mesh, field and coordinates.
+pub(super) struct RenderSingularities {
+    pub recipe: String,
+    pub view: Render,
+}
+
+impl Step for RenderSingularities {
+    fn name(&self) -> String {
+        name_of(&self.recipe, &self.view)
+    }
+
+    fn kind(&self) -> &'static str {
+        "render singularities"
+    }
+
+    fn revision(&self) -> u32 {
+        1
+    }
+
+    fn describe(&self, v: &mut dyn Visitor) {
+        v.param("view", &self.view.view);
+        v.param("size", &self.view.size);
+    }
+
+    fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
+        let surface: Surface = super::read(inputs, 0)?;
+        let prepared: Prepared = super::read(inputs, 1)?;
+        let laid: Laid = super::read(inputs, 2)?;
+        let coordinates: Parametrization = super::read(inputs, 3)?;
+        let mesh = &prepared.mesh.mesh;
+        let normals = synthesis_normals(&prepared.mesh, &surface.corner_normals);
+        let mark = |s: &Singularity| match s.kind {
+            Kind::Pole => Some((s.at, 1.0)),
+            Kind::TJunction => Some((s.at, -1.0)),
+            Kind::Distortion => None,
+        };
+        let marks: Vec<_> = places(&prepared, &laid, &coordinates).iter().filter_map(mark).collect();
+        let blended: Vec<bool> = (0..mesh.faces.len()).map(|f| coordinates.look_ups(mesh, f) == 3).collect();
+        let look = Grid::new(mesh, &coordinates.corners, &blended, &marks);
+        png(&picture(&self.view, &surface, mesh, &normals, &look))
+    }
+}
+
 impl Step for RenderView {
     fn name(&self) -> String {
         name_of(&self.recipe, &self.view)
@@ -131,9 +176,12 @@ impl Step for RenderView {
         let shown = if through_sets {
             let prepared: Prepared = super::read(inputs, 1)?;
             let synthesised: Synthesised = super::read(inputs, 2)?;
-            let maps: MapSet = super::read(inputs, 3)?;
             let normals = synthesis_normals(&prepared.mesh, &surface.corner_normals);
-            let look = SetsLook::new(&prepared.mesh.mesh, &synthesised.sets, &maps);
+            let (mesh, sets) = (&prepared.mesh.mesh, &synthesised.sets);
+            let look = match Source::read(inputs, 3)? {
+                Source::Exemplar(maps) => SetsLook::new(mesh, sets, &maps),
+                Source::Tile(made) => SetsLook::tile(mesh, sets, made.tile.layers()),
+            };
             picture(&self.view, &surface, &prepared.mesh.mesh, &normals, &look)
         } else {
             let atlas: Atlas = super::read(inputs, 4)?;

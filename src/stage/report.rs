@@ -8,15 +8,18 @@ use crate::exemplar::{JumpMap, TextonMap};
 use crate::field::{Laid, Singularity};
 use crate::io::artefact::Artefact;
 use crate::mesh::Surface;
+use crate::param::{Kind, Parametrization, Singularity as Place};
 use crate::synth::source_map::ImageCounters;
 use crate::synth::source_strips::SourceStrips;
 
+use super::material_space::places;
 use super::prepare::Prepared;
 use super::rasterise::Bundle;
 use super::synthesise::{Counters, Synthesised, named};
+use super::tile::{MadeTile, facts};
 
 /// Reads surface, synthesis mesh, corner coordinates, what was analysed, the field if there is one, and of an atlas bake
-/// the atlas and its images.
+/// the atlas and its images; of a tile's bake last the periodic coordinates.
 pub(super) struct Report {
     pub recipe: String,
     /// False for levels of detail, which take over what the finest one's field led to.
@@ -54,7 +57,7 @@ impl Step for Report {
         if let Some((key, counts)) = how {
             report["synthesis"][key] = counts;
         }
-        let mut next = 4;
+        let (mut next, mut last) = (4, inputs.len());
         if self.has_field {
             let laid: Laid = super::read(inputs, next)?;
             report["field"] = json!({
@@ -63,8 +66,17 @@ impl Step for Report {
                 "singularities": laid.singularities.iter().map(singularity).collect::<Vec<_>>(),
             });
             next += 1;
+            if let Counters::Periodic { .. } = synthesised.counters {
+                last -= 1;
+                let coordinates: Parametrization = super::read(inputs, last)?;
+                let found = places(&prepared, &laid, &coordinates);
+                // Places that are only stretched are many, and small.
+                let (listed, stretched): (Vec<_>, Vec<_>) = found.iter().partition(|s| s.kind != Kind::Distortion);
+                report["synthesis"]["singularities"] = listed.into_iter().map(place).collect();
+                report["synthesis"]["distorted_places"] = stretched.len().into();
+            }
         }
-        if inputs.len() > next {
+        if last > next {
             let atlas: Atlas = super::read(inputs, next)?;
             let bundle: Bundle = super::read(inputs, next + 1)?;
             report["atlas"] = json!({
@@ -107,6 +119,10 @@ fn described(counters: &Counters, analysis: &[u8]) -> Result<(Value, Option<Coun
             (sample, Some(("quilt", quilt)))
         }
         Counters::Taken => (exemplar(&JumpMap::from_bytes(analysis)?), None),
+        Counters::Periodic { distorted, winding, three_look_ups } => {
+            let periodic = json!({ "distorted": distorted, "winding": winding, "three_look_ups": three_look_ups });
+            (facts(&MadeTile::from_bytes(analysis)?), Some(("periodic", periodic)))
+        }
     })
 }
 
@@ -148,6 +164,10 @@ impl Step for CanvasReport {
 
 fn singularity(s: &Singularity) -> Value {
     json!({ "index": s.index, "at": s.at.to_f32() })
+}
+
+fn place(s: &Place) -> Value {
+    json!({ "kind": s.kind.name(), "at": s.at.to_f32(), "periods": s.periods, "faces": s.faces })
 }
 
 fn exemplar(map: &JumpMap) -> Value {

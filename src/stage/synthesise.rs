@@ -60,6 +60,8 @@ pub(super) enum Counters {
     /// A quilt of faces; how many there were before edges were blended, how many edges are, and the mean continuity error
     /// of all edges before.
     Quilt { quilt: QuiltCounters, faces: u64, blended: u64, edge_error: f64 },
+    /// Periodic coordinates: faces beyond the bound, faces around which they wind, faces shown by three look-ups.
+    Periodic { distorted: u64, winding: u64, three_look_ups: u64 },
     /// Nothing was synthesised: the finest level's result was taken over.
     Taken,
 }
@@ -99,7 +101,11 @@ impl Artefact for Synthesised {
                 to.put([pieces, seeds, continued, closings, reopened, relaxed, faces, blended]);
                 to.put(edge_error);
             }
-            Counters::Taken => to.put(2u8),
+            Counters::Taken => to.put(3u8),
+            Counters::Periodic { distorted, winding, three_look_ups } => {
+                to.put(2u8);
+                to.put([distorted, winding, three_look_ups]);
+            }
         }
         to.slice(&self.metric);
         self.sets.write(to);
@@ -116,7 +122,11 @@ impl Artefact for Synthesised {
                 let quilt = QuiltCounters { pieces, seeds, continued, closings, reopened, relaxed };
                 Counters::Quilt { quilt, faces, blended, edge_error: from.get()? }
             }
-            2 => Counters::Taken,
+            3 => Counters::Taken,
+            2 => {
+                let [distorted, winding, three_look_ups] = from.get()?;
+                Counters::Periodic { distorted, winding, three_look_ups }
+            }
             kind => return Err(Damaged(format!("counters of kind {kind}"))),
         };
         let metric: Vec<[f32; 2]> = from.slice()?;

@@ -152,7 +152,7 @@ pub(super) struct BlendSets {
 }
 
 impl Step for BlendSets {
-    super::step_identity!("blend sets", 1);
+    super::step_identity!("blend sets", 2);
 
     fn describe(&self, v: &mut dyn Visitor) {
         self.params.describe(v);

@@ -65,7 +65,7 @@ pub fn corner_sets(
             (vec![set], vec![[1.0, 0.0, 0.0, 0.0]; 3 * faces.len()])
         }
     };
-    Ok(UvSets { exemplar_size, sets, weights, blend, sharpness: 1 })
+    Ok(UvSets { exemplar_size, sets, weights, blend, sharpness: 1, material: vec![] })
 }
 
 #[cfg(test)]

@@ -68,7 +68,7 @@ pub(super) fn collect(chunks: Vec<Vec<FaceSets>>, count: usize, exemplar_size: [
         }
         weights.extend_from_slice(&face.weights);
     }
-    UvSets { exemplar_size, sets, weights, blend, sharpness: 1 }
+    UvSets { exemplar_size, sets, weights, blend, sharpness: 1, material: vec![] }
 }
 
 /// Coordinates of each set at the corners of a face, and each corner's weights.

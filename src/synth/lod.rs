@@ -118,7 +118,10 @@ mod tests {
         let left = |c: usize| place(c, 0).x <= 70.0;
         let weight = |c: usize| if left(c) { [1.0, 0.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0, 0.0] };
         let weights = (0..corners).map(weight).collect();
-        (mesh, UvSets { exemplar_size: [256, 256], sets, weights, blend: Blend::Linear, sharpness: 1 })
+        (
+            mesh,
+            UvSets { exemplar_size: [256, 256], sets, weights, blend: Blend::Linear, sharpness: 1, material: vec![] },
+        )
     }
 
     #[test]

@@ -89,7 +89,7 @@ pub fn blend_edges(
     let blended = seams.iter().flatten().filter(|s| **s).count() as u64 / 2;
     let plain = out.weights.iter().all(|w| w[0] == 1.0);
     let sets = out.sets.into_iter().take(if plain { 1 } else { 4 }).collect();
-    let sets = UvSets { exemplar_size, sets, weights: out.weights, blend, sharpness: 1 };
+    let sets = UvSets { exemplar_size, sets, weights: out.weights, blend, sharpness: 1, material: vec![] };
     Ok(Blended { mesh: out.out, sets, metric: out.metric, blended })
 }
 

@@ -80,7 +80,8 @@ pub struct LayerReport {
     pub features: f64,
     /// Share of texels in which its mask differs from that of the layer before; 0 for the first.
     pub moved: f64,
-    /// Distance of its histograms from those of the keys that it is made of: how far a value moves on average.
+    /// Distance of its histograms, inside and between features, from those of the keys that it is made of: how far a value
+    /// that is compared moves on average.
     pub histogram: f64,
 }
 
@@ -215,19 +216,29 @@ impl Cut {
         let key = Key::new(params.seed).with_str("tile");
         let wish = Wish { key, usage: USAGE * params.usage, apart: Some(apart) };
         let sources = self.stack.synthesise(&vec![self.mask.clone(); params.layers as usize - 1], &wish);
-        sources.iter().map(|s| (blended(self, s, self, s, 0.0), self.histogram(s))).unzip()
+        sources.iter().map(|s| (blended(self, s, self, s, 0.0), self.histogram(s, &self.mask))).unzip()
     }
 
-    /// How far a value of the planes moves on average if those of the key become those that it shows.
-    fn histogram(&self, sources: &[u32]) -> f64 {
+    /// How far a value of the planes moves on average if those that the key has inside, and between, its features become
+    /// those that a layer shows inside and between its own.
+    fn histogram(&self, sources: &[u32], mask: &Mask) -> f64 {
+        let texels = self.mask.data().len();
+        let side = |on: bool, mask: &Mask| (0..texels).filter(|i| mask.data()[*i] == on).collect::<Vec<usize>>();
+        let sides = [false, true].map(|on| (side(on, mask), side(on, &self.mask)));
         let distances = par::map_chunks(self.planes.len(), 1, |r| {
             let plane = &self.planes[r.start];
-            let mut shown: Vec<f32> = sources.iter().map(|s| plane[*s as usize]).collect();
-            let mut own = plane.clone();
-            shown.sort_unstable_by(f32::total_cmp);
-            own.sort_unstable_by(f32::total_cmp);
-            let sum: f64 = shown.iter().zip(&own).map(|(a, b)| f64::from((a - b).abs())).sum();
-            sum / own.len() as f64
+            let sorted = |values: &mut dyn Iterator<Item = f32>| {
+                let mut values: Vec<f32> = values.collect();
+                values.sort_unstable_by(f32::total_cmp);
+                values
+            };
+            let of_side = |(places, own): &(Vec<usize>, Vec<usize>)| {
+                let shown = sorted(&mut places.iter().map(|i| plane[sources[*i] as usize]));
+                let own = sorted(&mut own.iter().map(|i| plane[*i]));
+                let due = |i: usize| own[(2 * i + 1) * own.len() / (2 * shown.len())];
+                shown.iter().enumerate().map(|(i, v)| f64::from((v - due(i)).abs())).sum::<f64>()
+            };
+            sides.iter().map(of_side).sum::<f64>() / texels as f64
         });
         distances.iter().sum::<f64>() / distances.len().max(1) as f64
     }
@@ -250,7 +261,8 @@ fn between(first: &Cut, second: &Cut, last: usize, key: Key, params: &TileParams
     let layer = |(i, mask): (usize, Mask)| {
         let share = (i + 1) as f32 / last as f32;
         let maps = blended(first, &forth[i], second, &back[i], share);
-        (mask, maps, 0.5 * (first.histogram(&forth[i]) + second.histogram(&back[i])))
+        let histogram = 0.5 * (first.histogram(&forth[i], &mask) + second.histogram(&back[i], &mask));
+        (mask, maps, histogram)
     };
     masks.into_iter().enumerate().map(layer).collect()
 }

@@ -34,6 +34,9 @@ pub struct UvSets {
     /// Power to which interpolated weights are raised before they are made to sum to 1, at least 1: the higher, the
     /// narrower the blend.
     pub sharpness: u32,
+    /// Position on the material axis at each corner, 0..=1, for a tile of several layers, which wraps in both directions
+    /// (\[MST09\]); empty for an exemplar.
+    pub material: Vec<f32>,
 }
 
 impl UvSets {

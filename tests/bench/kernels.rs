@@ -28,6 +28,7 @@ use kiln::synth::sites::Sites;
 use kiln::synth::vertex_order::region_growing;
 use kiln::synth::vertex_walk::{VertexWalkParams, walk};
 use kiln::texture::{MapKind, MapSet};
+use kiln::tile::{KeyTile, TileParams, make, seamless};
 use kiln::uvset::Blend;
 
 /// Runs what the command line's filter lets through and prints a line for each.
@@ -80,6 +81,7 @@ fn main() {
     analysis(&bench, &pebbles);
     flat(&bench, &pebbles);
     textons(&bench, &pebbles);
+    tiles(&bench, &pebbles);
     encode(&bench);
     let knot = surface(&root().join("recipes/assets/meshes/knot.glb")).expect("our own mesh");
     on_surface(&bench, "knot", &knot, &pebbles, 220.0, 1024);
@@ -103,6 +105,20 @@ fn analysis(bench: &Bench, pebbles: &MapSet) {
         let params = AnalysisParams { neighbourhoods, ..AnalysisParams::default() };
         bench.run(&format!("appearance pebbles {:?}, -j 2", params.neighbourhoods), 65.536, "ktexel/s", || {
             par::install(2, || appearance(pebbles, &params, 8))
+        });
+    }
+}
+
+/// Samples that are made to wrap, and a tile of eight layers from two of them.
+fn tiles(bench: &Bench, pebbles: &MapSet) {
+    let bark = maps("bark");
+    let keys = [pebbles, &bark].map(|maps| KeyTile { maps, tileable: false });
+    bench.run("seamless pebbles 256x256, -j 1", 65.536, "ktexel/s", || {
+        par::install(1, || seamless(pebbles, &TileParams::default().importance))
+    });
+    for jobs in [1, 2] {
+        bench.run(&format!("tile pebbles to bark 256x256x8, -j {jobs}"), 8.0, "layers/s", || {
+            par::install(jobs, || make(&keys, &TileParams::default()))
         });
     }
 }

@@ -57,27 +57,80 @@ vec4 kiln_sample(sampler2D map, KilnSets s, vec4 mean) {
     return sum;
 }
 
+// Material-space bakes: the file that the extension names as `tile` holds the layers, as a 3D texture or (analysis.tile =
+// "2d-array") a 2D array; wrap in s and t (REPEAT), clamp along m. `m` is the attribute _KILN_MATERIAL (float, passed on),
+// `layers` the extension's (in GLSL ES also: precision highp sampler3D, sampler2DArray). In place of kiln_sample; the weights are linear, one set nearly everywhere.
+vec4 kiln_layer(sampler3D tile, vec2 uv, float m, float layers) {
+    return texture(tile, vec3(uv, (clamp(m, 0.0, 1.0) * (layers - 1.0) + 0.5) / layers));
+}
+vec4 kiln_layer(sampler2DArray tile, vec2 uv, float m, float layers) {
+    float z = clamp(m, 0.0, 1.0) * (layers - 1.0);
+    float below = floor(z);
+    vec4 a = texture(tile, vec3(uv, below)), b = texture(tile, vec3(uv, min(below + 1.0, layers - 1.0)));
+    return mix(a, b, z - below);
+}
+vec4 kiln_sample_tile(sampler3D tile, KilnSets s, float m, float layers) {
+    vec4 w = kiln_weights(s), sum = vec4(0.0);
+    for (int i = 0; i < 4; ++i) {
+        vec4 v = kiln_layer(tile, s.uv[i], m, layers);
+        if (i < s.sets) sum += w[i] * v;
+    }
+    return sum;
+}
+vec4 kiln_sample_tile(sampler2DArray tile, KilnSets s, float m, float layers) {
+    vec4 w = kiln_weights(s), sum = vec4(0.0);
+    for (int i = 0; i < 4; ++i) {
+        vec4 v = kiln_layer(tile, s.uv[i], m, layers);
+        if (i < s.sets) sum += w[i] * v;
+    }
+    return sum;
+}
+
+// A normal of the sample turned into the world: the frame is that of the gradients of its coordinates.
+vec3 kiln_turned(vec3 m, vec2 uv, vec3 n, vec3 position) {
+    vec3 px = dFdx(position), py = dFdy(position);
+    vec2 ux = dFdx(uv), uy = dFdy(uv);
+    // Direction in which u grows and, as v points down, against which v grows.
+    float turn = sign(ux.x * uy.y - uy.x * ux.y);
+    vec3 t = (px * uy.y - py * ux.y) * turn;
+    vec3 b = (px * uy.x - py * ux.x) * turn;
+    t = t - n * dot(n, t);
+    b = b - n * dot(n, b);
+    t *= inversesqrt(max(dot(t, t), 1e-20));
+    b *= inversesqrt(max(dot(b, b), 1e-20));
+    return t * m.x + b * m.y + n * m.z;
+}
+
+// World-space normal from the normal map's tile.
+vec3 kiln_normal_tile(sampler3D tile, KilnSets s, float m, float layers, vec3 normal, vec3 position) {
+    vec4 w = kiln_weights(s);
+    vec3 n = normalize(normal), sum = vec3(0.0);
+    for (int i = 0; i < 4; ++i) {
+        vec3 v = kiln_turned(kiln_layer(tile, s.uv[i], m, layers).xyz * 2.0 - 1.0, s.uv[i], n, position);
+        if (i < s.sets) sum += w[i] * v;
+    }
+    return normalize(sum);
+}
+vec3 kiln_normal_tile(sampler2DArray tile, KilnSets s, float m, float layers, vec3 normal, vec3 position) {
+    vec4 w = kiln_weights(s);
+    vec3 n = normalize(normal), sum = vec3(0.0);
+    for (int i = 0; i < 4; ++i) {
+        vec3 v = kiln_turned(kiln_layer(tile, s.uv[i], m, layers).xyz * 2.0 - 1.0, s.uv[i], n, position);
+        if (i < s.sets) sum += w[i] * v;
+    }
+    return normalize(sum);
+}
+
 // World-space normal from the sample's normal map. Each set has its own frame, from the gradients of its coordinates.
 // `normal` is the interpolated vertex normal, `position` the world (or view) position of the fragment.
 // Pass the normal as the mesh has it, also on back faces, and negate the result there (doubleSided materials).
 vec3 kiln_normal(sampler2D map, KilnSets s, vec3 normal, vec3 position) {
     vec4 w = kiln_weights(s);
     vec3 n = normalize(normal);
-    vec3 px = dFdx(position), py = dFdy(position);
     vec3 sum = vec3(0.0);
     for (int i = 0; i < 4; ++i) {
-        vec2 ux = dFdx(s.uv[i]), uy = dFdy(s.uv[i]);
-        if (i >= s.sets) continue;
-        // Direction in which u grows and, as v points down, against which v grows.
-        float turn = sign(ux.x * uy.y - uy.x * ux.y);
-        vec3 t = (px * uy.y - py * ux.y) * turn;
-        vec3 b = (px * uy.x - py * ux.x) * turn;
-        t = t - n * dot(n, t);
-        b = b - n * dot(n, b);
-        t *= inversesqrt(max(dot(t, t), 1e-20));
-        b *= inversesqrt(max(dot(b, b), 1e-20));
-        vec3 m = texture(map, s.uv[i]).xyz * 2.0 - 1.0;
-        sum += w[i] * (t * m.x + b * m.y + n * m.z);
+        vec3 v = kiln_turned(texture(map, s.uv[i]).xyz * 2.0 - 1.0, s.uv[i], n, position);
+        if (i < s.sets) sum += w[i] * v;
     }
     return normalize(sum);
 }

@@ -92,3 +92,48 @@ fn kiln_normal(map: texture_2d<f32>, sampler_: sampler, s: KilnSets, normal: vec
     return normalize(a + b * select(0.0, w.y, s.sets > 1) + c * select(0.0, w.z, s.sets > 2)
         + d * select(0.0, w.w, s.sets > 3));
 }
+
+// Material-space bakes: the file that the extension names as `tile` holds the layers, as a 3D texture or (analysis.tile =
+// "2d-array") a 2D array; the sampler repeats in s and t and clamps along m. `m` is the attribute _KILN_MATERIAL (f32,
+// passed on), `layers` the extension's. Use these in place of kiln_sample and kiln_normal:
+// kiln_blend_tile(s, kiln_tile_3d(tile, sampler_, s, m, layers)), and likewise.
+fn kiln_layer_3d(tile: texture_3d<f32>, sampler_: sampler, uv: vec2f, m: f32, layers: f32) -> vec4f {
+    return textureSample(tile, sampler_, vec3f(uv, (saturate(m) * (layers - 1.0) + 0.5) / layers));
+}
+
+fn kiln_layer_array(tile: texture_2d_array<f32>, sampler_: sampler, uv: vec2f, m: f32, layers: f32) -> vec4f {
+    let z = saturate(m) * (layers - 1.0);
+    let below = floor(z);
+    let a = textureSample(tile, sampler_, uv, i32(below));
+    let b = textureSample(tile, sampler_, uv, i32(min(below + 1.0, layers - 1.0)));
+    return mix(a, b, z - below);
+}
+
+// What the sets show, blended; `sample` holds one look-up per set (unused ones weigh nothing).
+fn kiln_blend_tile(s: KilnSets, sample: array<vec4f, 4>) -> vec4f {
+    let w = kiln_weights(s);
+    return sample[0] * w.x + sample[1] * select(0.0, w.y, s.sets > 1) + sample[2] * select(0.0, w.z, s.sets > 2)
+        + sample[3] * select(0.0, w.w, s.sets > 3);
+}
+
+fn kiln_blend_tile_normal(s: KilnSets, sample: array<vec4f, 4>, normal: vec3f, position: vec3f) -> vec3f {
+    let n = normalize(normal);
+    let w = kiln_weights(s);
+    let a = kiln_turned(sample[0].xyz * 2.0 - 1.0, s.uv[0], n, position) * w.x;
+    let b = kiln_turned(sample[1].xyz * 2.0 - 1.0, s.uv[1], n, position) * select(0.0, w.y, s.sets > 1);
+    let c = kiln_turned(sample[2].xyz * 2.0 - 1.0, s.uv[2], n, position) * select(0.0, w.z, s.sets > 2);
+    let d = kiln_turned(sample[3].xyz * 2.0 - 1.0, s.uv[3], n, position) * select(0.0, w.w, s.sets > 3);
+    return normalize(a + b + c + d);
+}
+
+fn kiln_tile_3d(tile: texture_3d<f32>, sampler_: sampler, s: KilnSets, m: f32, layers: f32) -> array<vec4f, 4> {
+    return array<vec4f, 4>(
+        kiln_layer_3d(tile, sampler_, s.uv[0], m, layers), kiln_layer_3d(tile, sampler_, s.uv[1], m, layers),
+        kiln_layer_3d(tile, sampler_, s.uv[2], m, layers), kiln_layer_3d(tile, sampler_, s.uv[3], m, layers));
+}
+
+fn kiln_tile_array(tile: texture_2d_array<f32>, sampler_: sampler, s: KilnSets, m: f32, layers: f32) -> array<vec4f, 4> {
+    return array<vec4f, 4>(
+        kiln_layer_array(tile, sampler_, s.uv[0], m, layers), kiln_layer_array(tile, sampler_, s.uv[1], m, layers),
+        kiln_layer_array(tile, sampler_, s.uv[2], m, layers), kiln_layer_array(tile, sampler_, s.uv[3], m, layers));
+}

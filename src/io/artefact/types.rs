@@ -210,6 +210,7 @@ impl Artefact for UvSets {
             w.slice(set);
         }
         w.slice(&self.weights);
+        w.slice(&self.material);
     }
 
     fn read(r: &mut Reader<'_>) -> Result<Self, Damaged> {
@@ -225,7 +226,9 @@ impl Artefact for UvSets {
         let sets = (0..n).map(|_| r.slice()).collect::<Result<Vec<Vec<_>>, _>>()?;
         let weights: Vec<[f32; 4]> = r.slice()?;
         check(sets.iter().all(|s| s.len() == weights.len()), "one coordinate per corner")?;
-        Ok(UvSets { exemplar_size, sets, weights, blend, sharpness })
+        let material: Vec<f32> = r.slice()?;
+        check(material.is_empty() || material.len() == weights.len(), "one material per corner")?;
+        Ok(UvSets { exemplar_size, sets, weights, blend, sharpness, material })
     }
 }
 
@@ -276,6 +279,7 @@ mod tests {
             weights: vec![[0.5, 0.5, 0.0, 0.0]; 3],
             blend: Blend::Variance,
             sharpness: 2,
+            material: vec![0.0, 0.25, 1.0],
         }
     }
 

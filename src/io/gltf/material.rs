@@ -64,6 +64,8 @@ pub struct BakedMaps {
     pub images: Vec<BakedImage>,
     /// What alpha of the base colour means.
     pub alpha: AlphaMode,
+    /// The images go on at the other side, as a tile does.
+    pub repeats: bool,
 }
 
 impl BakedMaps {
@@ -202,8 +204,9 @@ fn retain_in(object: &mut Map<String, Value>, key: &str, keep: impl Fn(&str, &Va
 pub(super) fn fill(editor: &mut Editor, materials: &[usize], maps: &BakedMaps) {
     let mut textures: BTreeMap<Use, usize> = BTreeMap::new();
     if !maps.images.is_empty() {
-        // LINEAR, LINEAR_MIPMAP_LINEAR, CLAMP_TO_EDGE.
-        let sampler = json!({"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071});
+        // LINEAR, LINEAR_MIPMAP_LINEAR, REPEAT or CLAMP_TO_EDGE.
+        let wrap = if maps.repeats { 10497 } else { 33071 };
+        let sampler = json!({"magFilter": 9729, "minFilter": 9987, "wrapS": wrap, "wrapT": wrap});
         let sampler = editor.add(Kind::Sampler, sampler);
         for image in &maps.images {
             let view = editor.view(image.bytes.clone());

@@ -81,7 +81,12 @@ const PNG: [u8; 69] = [
 fn maps(uses: &[Use]) -> BakedMaps {
     let image =
         |&usage: &Use| BakedImage { usage, mime: "image/png".into(), bytes: PNG.to_vec(), name: format!("{usage:?}") };
-    BakedMaps { material_name: "Baked".into(), images: uses.iter().map(image).collect(), alpha: AlphaMode::Opaque }
+    BakedMaps {
+        material_name: "Baked".into(),
+        images: uses.iter().map(image).collect(),
+        alpha: AlphaMode::Opaque,
+        repeats: false,
+    }
 }
 
 /// A point's coordinates in a made-up atlas; with `seams` each face is an island.

@@ -46,6 +46,7 @@ pub(super) fn uv_sets(synthesis: &SynthesisMesh) -> UvSets {
         weights: (0..n).map(weight).collect(),
         blend: Blend::Variance,
         sharpness: 1,
+        material: vec![],
     }
 }
 
