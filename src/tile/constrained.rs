@@ -28,8 +28,10 @@ const COARSE_ITERATIONS: usize = 20;
 const ITERATIONS: usize = 3;
 /// Groups of texels that take turns.
 const CLASSES: u32 = 4;
-/// What it costs that a part of the key is used twice, against the mean distance of similar texels.
-pub(super) const USAGE: f64 = 1.0;
+/// What a use costs where one is due, against the mean distance of similar texels. Of spots to stripes the histograms are
+/// 0.0197, 0.0217, 0.0204, 0.0155 off without, and 0.0191, 0.0205, 0.0186, 0.0151 with it; most of what is left is what
+/// the masks ask for. Forty gives no more.
+pub(super) const USAGE: f64 = 8.0;
 /// Texels tried that lie as the mask wants it.
 const DRAWN: u64 = 3;
 /// Texels of a class that are updated together.
