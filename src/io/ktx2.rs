@@ -127,12 +127,12 @@ fn descriptor(srgb: bool) -> Vec<u8> {
     /// Alpha that is linear though the rest is not.
     const LINEAR: u32 = 0x10;
     let block = 24 + 4 * 16;
-    let mut words = vec![4 + block, 0, 2 | block << 16];
-    words.push(MODEL_RGBSDA | PRIMARIES_BT709 << 8 | TRANSFER[usize::from(srgb)] << 16);
+    let mut words = vec![4 + block, 0, 2 | (block << 16)];
+    words.push(MODEL_RGBSDA | (PRIMARIES_BT709 << 8) | (TRANSFER[usize::from(srgb)] << 16));
     // A block of one texel, four bytes in the first plane.
     words.extend([0, 4, 0]);
-    for (i, channel) in [0, 1, 2, 15 | if srgb { LINEAR } else { 0 }].into_iter().enumerate() {
-        words.extend([8 * i as u32 | 7 << 16 | channel << 24, 0, 0, 255]);
+    for (i, channel) in [0, 1, 2, 15 | (if srgb { LINEAR } else { 0 })].into_iter().enumerate() {
+        words.extend([(8 * i as u32) | (7 << 16) | (channel << 24), 0, 0, 255]);
     }
     words.into_iter().flat_map(u32::to_le_bytes).collect()
 }
@@ -194,7 +194,7 @@ mod tests {
             assert_eq!((word(&file, 12), word(&file, 28), word(&file, 32)), (format, 3, 0));
             let (at, len) = (word(&file, 48) as usize, word(&file, 52) as usize);
             assert_eq!((at, len, word(&file, at) as usize), (80 + 24, 4 + 24 + 64, len));
-            assert_eq!(word(&file, at + 8), 2 | 88 << 16);
+            assert_eq!(word(&file, at + 8), 2 | (88 << 16));
             assert_eq!((file[at + 12], file[at + 13], file[at + 14], file[at + 20]), (1, 1, transfer, 4));
             let channels: Vec<u8> = (0..4).map(|i| file[at + 28 + 16 * i + 3]).collect();
             assert_eq!(channels, [0, 1, 2, alpha]);

@@ -129,7 +129,7 @@ pub(super) fn check_presence(tree: &Node, findings: &mut Findings) {
         for key in ["mask", "guide"] {
             if let Some(entry) = table.get(key) {
                 let message = format!("`{path}.{key}` is for canvases, and a key is part of a tile");
-                let fault = Fault::new(entry.key.clone(), &format!("{path}.{key}"), message);
+                let fault = Fault::new(entry.key.clone(), format!("{path}.{key}"), message);
                 findings.push(fault.hint("remove it".to_string()));
             }
         }

@@ -98,7 +98,7 @@ fn smoothed(on: &[bool], from: &Mask, to: &Mask) -> Vec<bool> {
 }
 
 fn bits_of(on: &[bool]) -> Bits {
-    let word = |part: &[bool]| part.iter().enumerate().fold(0, |word, (i, on)| word | u64::from(*on) << i);
+    let word = |part: &[bool]| part.iter().enumerate().fold(0, |word, (i, on)| word | (u64::from(*on) << i));
     on.chunks(64).map(word).collect()
 }
 
