@@ -8,7 +8,7 @@
 //! 2001); this is done for the copies that agree best with what lies around the seams, until none helps. So there
 //! is no region that must come from one copy or another, and the corners where seams cross need no special case.
 //! Large samples are cut at a lower resolution first, and the cuts then moved within a band at each finer one: 256 x 256
-//! texels take a tenth of the time.
+//! texels take a fifth of the time.
 //! A seam between two texels costs what Kwatra's does: how much the copies differ at either.
 //! Unaware of: what the maps show.
 
@@ -29,7 +29,7 @@ const SAMPLES: usize = 400;
 /// Shifts per side of the torus that are compared.
 const SHIFTS: u32 = 64;
 /// Shorter side from which resolutions are halved: a cut takes much longer the more texels there are.
-const ENOUGH: u32 = 96;
+const ENOUGH: u32 = 128;
 /// Texels around a cut that finer resolutions may move it over.
 const BAND: u32 = 4;
 /// Integer steps per unit of difference.
@@ -370,10 +370,10 @@ mod tests {
         // Stripes whose period fits, torn at the border, and fine grain that the coarse level does not see.
         let grain = |x: u32, y: u32| Key::new(7).with(u64::from(y)).unit(u64::from(x)) as f32;
         let stripe = |x: u32| if x % 32 < 16 { 0.2 } else { 0.8 };
-        let maps = gray(256, 104, |x, y| (if x < 230 { stripe(x) } else { 0.5 }) + 0.1 * grain(x, y));
+        let maps = gray(256, 136, |x, y| (if x < 230 { stripe(x) } else { 0.5 }) + 0.1 * grain(x, y));
         let found = made(&maps);
         assert!(found.seams < 0.5 * found.border, "{} of {}", found.seams, found.border);
-        assert!(found.sources.iter().filter(|s| **s % 256 >= 230).count() < 256 * 8);
+        assert!(found.sources.iter().filter(|s| **s % 256 >= 230).count() < 256 * 10);
     }
 
     #[test]

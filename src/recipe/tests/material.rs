@@ -40,7 +40,7 @@ fn what_cannot_be_a_tile_is_named() {
         ),
         ("base_color = 'b.png'\nnormal = 'bn.png'\n", "", "`analysis.key[0]` names no map"),
         ("normal_y", "mask = 'm.png'\nnormal_y", "11:1: `analysis.key[0].mask` is for canvases"),
-        ("normal_y", "tileable = true\nnormal_y", "unknown key `tileable` in `analysis.key[0]`"),
+        ("normal_y", "tileable = true\nnormal_y", "11:1: unknown key `tileable` in `analysis.key[0]`"),
         ("'material-space'", "'jump-map'", "`analysis.key` belongs to the method \"material-space\""),
         (
             "mesh.path = 'm.obj'",
