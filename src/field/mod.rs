@@ -20,7 +20,9 @@ mod tangent;
 pub use align::Alignment;
 pub use edge_offset::{edge_offsets, validity_boxes};
 pub use error::{Error, Which};
-pub use orientation::{OrientationConstraint, SingularityConstraint, SingularityKind, orientation};
+pub use orientation::{
+    OrientationConstraint, SingularityConstraint, SingularityKind, orientation, orientation_in_areas,
+};
 pub use scalar::{ScalarConstraint, interpolate, scale};
 pub use singularity::{Singularity, singular_points, singularities};
 

@@ -138,6 +138,46 @@ pub fn orientation(
     Ok(base.vectors(&z))
 }
 
+/// The orientation field with further constraints, all with a radius: solved within their areas only, from the field
+/// `up` that was laid without them. What lies outside keeps every bit. Everything else as for [`orientation()`];
+/// constraints without a radius are not used here.
+pub fn orientation_in_areas(
+    (mesh, topo, normals): (&TriMesh, &Topology, &[Vec3]),
+    up: &[Vec3],
+    anchors: &[OrientationConstraint],
+    singularities: &[SingularityConstraint],
+    align: &[Alignment],
+    symmetry: Symmetry,
+) -> Result<Vec<Vec3>, Error> {
+    assert_eq!((normals.len(), up.len()), (mesh.positions.len(), mesh.positions.len()));
+    let n = symmetry.directions();
+    let anchors: Vec<_> = anchors.iter().filter(|a| a.radius.is_some()).copied().collect();
+    let singularities: Vec<_> = singularities.iter().filter(|s| s.radius.is_some()).copied().collect();
+    let base = Base::new(mesh, topo, normals, n);
+    let sites = sites(mesh, &anchors, &singularities)?;
+    let asked = asked(&singularities, &sites, n)?;
+    let (shapes, _) = shapes(mesh, topo, (&base.labels, base.components), &asked)?;
+    let pins = base.pins(&anchors, &singularities, &sites, &shapes)?;
+    let mut out = up.to_vec();
+    if symmetry == Symmetry::Isotropic {
+        return Ok(out);
+    }
+    let mut z = par::map(up.len(), |v| base.frames[v].complex(up[v]).power(n));
+    let crosses = (!align.is_empty()).then(|| crosses(mesh, topo, &base.frames, align, &base.lengths()));
+    base.relax_areas(&pins, crosses.as_deref(), &mut z);
+    let inside: BTreeSet<u32> = sites
+        .iter()
+        .filter_map(|s| Some(site::reach(mesh, topo, s.vertex, s.radius?)))
+        .flat_map(|reached| reached.into_iter().map(|r| r.vertex))
+        .collect();
+    for v in inside.into_iter().map(|v| v as usize) {
+        let Some(power) = z[v].unit() else { continue };
+        let turned = base.frames[v].vector(root(power, n, base.frames[v].complex(up[v])));
+        out[v] = turned.normalized().unwrap_or(up[v]);
+    }
+    Ok(out)
+}
+
 /// Each singularity's index is one that the field can have; those without radius.
 fn asked(singularities: &[SingularityConstraint], sites: &[site::Site], n: u32) -> Result<Vec<Asked>, Error> {
     let mut asked = vec![];
@@ -474,6 +514,26 @@ mod tests {
     use super::super::singularities as indices;
     use super::*;
     use crate::mesh::zoo;
+
+    #[test]
+    fn areas_leave_the_rest_and_follow_their_anchor() {
+        let m = zoo::icosphere(4);
+        let (topo, normals) = (Topology::new(&m), m.vertex_normals());
+        for symmetry in [Symmetry::One, Symmetry::Two, Symmetry::Four] {
+            let up = default(&m, symmetry);
+            let anchor = OrientationConstraint { at: vec3(1., 0., 0.), up: vec3(0., 1., 1.), radius: Some(0.8) };
+            let ground = (&m, &topo, &normals[..]);
+            let laid = orientation_in_areas(ground, &up, &[anchor], &[], &[], symmetry).unwrap();
+            let far = |v: usize| (m.positions[v] - vec3(1., 0., 0.)).length() > 0.8;
+            assert!((0..up.len()).all(|v| !far(v) || up[v] == laid[v]), "{symmetry:?}");
+            let at = (0..up.len()).max_by(|&a, &b| m.positions[a].x.total_cmp(&m.positions[b].x)).unwrap();
+            let wanted = vec3(0., 1., 1.).normalized().unwrap();
+            let along = laid[at].dot(wanted).abs().max(laid[at].cross(normals[at]).dot(wanted).abs());
+            assert!(along > 0.999, "{symmetry:?} {:?}", laid[at]);
+            let none = OrientationConstraint { radius: None, ..anchor };
+            assert_eq!(orientation_in_areas(ground, &up, &[none], &[], &[], symmetry).unwrap(), up);
+        }
+    }
 
     fn default(m: &TriMesh, symmetry: Symmetry) -> Vec<Vec3> {
         orientation(m, &Topology::new(m), &m.vertex_normals(), &[], &[], &[], symmetry).unwrap()

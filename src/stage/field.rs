@@ -47,3 +47,39 @@ impl Step for LayField {
         Ok(Laid { field: Field { up, scale }, symmetry: self.symmetry, singularities, euler }.to_bytes())
     }
 }
+
+/// The field within the areas of constraints with a radius, again: reads the synthesis mesh and the field of those
+/// without.
+pub(super) struct LayAreas(pub LayField);
+
+impl Step for LayAreas {
+    fn name(&self) -> String {
+        format!("{}/field of areas", self.0.recipe)
+    }
+
+    fn kind(&self) -> &'static str {
+        "field of areas"
+    }
+
+    fn revision(&self) -> u32 {
+        1
+    }
+
+    fn describe(&self, v: &mut dyn Visitor) {
+        self.0.describe(v);
+    }
+
+    fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
+        let LayField { recipe: _, symmetry, orientation, singularities, align, scale } = &self.0;
+        let prepared: Prepared = super::read(inputs, 0)?;
+        let before: Laid = super::read(inputs, 1)?;
+        let mesh = &prepared.mesh.mesh;
+        let (topo, normals) = (Topology::new(mesh), mesh.vertex_normals());
+        let (ground, up) = ((mesh, &topo, &normals[..]), &before.field.up);
+        let up = field::orientation_in_areas(ground, up, orientation, singularities, align, *symmetry)?;
+        let scale = field::scale(mesh, &topo, prepared.scale, scale)?;
+        let found = field::singularities(mesh, &topo, &normals, &up, *symmetry);
+        let singularities = field::singular_points(mesh, &found);
+        Ok(Laid { field: Field { up, scale }, singularities, ..before }.to_bytes())
+    }
+}

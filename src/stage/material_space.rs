@@ -183,3 +183,24 @@ pub(super) fn places(prepared: &Prepared, laid: &Laid, coordinates: &Parametriza
     let faces: Vec<u32> = turning.iter().map(|f| f.0).collect();
     singular_places(mesh, &topo, &coordinates.faults, &faces)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::field::{Field, Symmetry};
+    use crate::mesh::zoo;
+    use crate::numerics::vec::vec3;
+
+    #[test]
+    fn coordinates_survive_the_round_trip_and_damage_is_told() {
+        let mesh = zoo::icosphere(1);
+        let (topo, normals) = (Topology::new(&mesh), mesh.vertex_normals());
+        let up = normals.iter().map(|n| vec3(0.1, 1.0, 0.2).reject(*n).normalized().expect("not up")).collect();
+        let field = Field { up, scale: vec![9.0; normals.len()] };
+        let laid =
+            param::parametrize(&mesh, &topo, &normals, &field, Symmetry::One, [8, 8]).expect("a mesh and a field");
+        let bytes = laid.to_bytes();
+        assert_eq!(Parametrization::from_bytes(&bytes), Ok(laid));
+        assert!((0..bytes.len()).step_by(7).all(|cut| Parametrization::from_bytes(&bytes[..cut]).is_err()));
+    }
+}

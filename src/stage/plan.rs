@@ -35,7 +35,7 @@ use crate::uvset::Blend;
 use super::analyse::Analyse;
 use super::canvas::{PaintImage, ReadSources, WalkImage};
 use super::encode::Encode;
-use super::field::LayField;
+use super::field::{LayAreas, LayField};
 use super::flipbook::{AnalyseFlipbook, CopyFrame, ReadFlipbook, WalkFlipbook, frame_number};
 use super::glb::{AtlasGlb, UvSetsGlb};
 use super::lod::TakeFromFinest;
@@ -491,8 +491,21 @@ impl Planner<'_, '_> {
     /// The field and what is laid along it; of synthesis mesh, analysis and maps.
     fn synthesise(&mut self, bake: &MeshBake, [prepare, analyse, maps]: [StepId; 3]) -> LaidOut {
         let recipe = self.name();
-        let (field, symmetry) = lay_field(&recipe, &bake.field);
-        let field = self.step(field, &[prepare.into()]);
+        let keys = self.recipe.analysis.tile.clone();
+        let (laid, symmetry) = lay_field(&recipe, &bake.field);
+        let everywhere = without_areas(&bake.field);
+        // In material space what acts nearby is solved for itself, from the field of all else.
+        let areas = keys.is_some() && everywhere != bake.field;
+        let (field, without) = match areas {
+            false => {
+                let field = self.step(laid, &[prepare.into()]);
+                (field, field)
+            }
+            true => {
+                let without = self.step(lay_field(&recipe, &everywhere).0, &[prepare.into()]);
+                (self.step(LayAreas(laid), &[prepare, without].map(InputId::from)), without)
+            }
+        };
         let importance: BTreeMap<_, _> = self.recipe.exemplar.importance.iter().copied().collect();
         let order = match bake.order {
             recipe::WalkOrder::RegionGrowing => Order::RegionGrowing,
@@ -500,9 +513,9 @@ impl Planner<'_, '_> {
         };
         let inputs = [prepare, field, analyse, maps];
         let mut coordinates = None;
-        let (prepare, synthesise) = match (&self.recipe.analysis.tile.clone(), self.recipe.analysis.textons) {
+        let (prepare, synthesise) = match (&keys, self.recipe.analysis.textons) {
             (Some(keys), _) => {
-                let (placed, laid) = self.place_in_tile(keys, &bake.field, prepare, field);
+                let (placed, laid) = self.place_in_tile(keys, &bake.field, prepare, [without, field]);
                 coordinates = Some(laid);
                 (prepare, placed)
             }
@@ -572,21 +585,17 @@ impl Planner<'_, '_> {
         self.output(report, &format!("report{suffix}.json"));
     }
 
-    /// Lays periodic coordinates over the prepared mesh and its field, and places it in the tile. Gives where it lies, and
+    /// Lays periodic coordinates over the prepared mesh and its fields (without what acts nearby, and with it), and places
+    /// it in the tile. Gives where it lies, and
     /// the coordinates.
     fn place_in_tile(
         &mut self,
         keys: &recipe::TileKeys,
         from: &recipe::Field,
         prepare: StepId,
-        field: StepId,
+        [first, field]: [StepId; 2],
     ) -> (StepId, StepId) {
         let recipe = self.name();
-        let everywhere = without_areas(from);
-        let first = match everywhere == *from {
-            true => field,
-            false => self.step(lay_field(&format!("{recipe}/everywhere"), &everywhere).0, &[prepare.into()]),
-        };
         let mut laid = self.step(Parametrise { recipe: recipe.clone() }, &[prepare, first].map(InputId::from));
         if first != field {
             let inputs = [prepare, laid, first, field].map(InputId::from);
