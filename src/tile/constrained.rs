@@ -4,7 +4,7 @@
 //! of a layer shows, and how often the key is used.
 //! Reads as:
 //! - The coarsest resolution is the one of at least 32 texels a side; 20 iterations there and 3 at the others (section 4
-//!   has 4; the fourth changes less than the second digit of what is left).
+//!   has 4).
 //! - "Taken in random order" one after the other would depend on the order. Texels fall at random into [`CLASSES`], anew in
 //!   each iteration; those of a class see the others as they are before their turn.
 //! - The approximate nearest neighbour is the best of: where the texels around point to, the texels most similar to those,
@@ -29,9 +29,9 @@ const ITERATIONS: usize = 3;
 /// Groups of texels that take turns.
 const CLASSES: u32 = 4;
 /// What a use costs where one is due, against the mean distance of similar texels. Of spots to stripes the histograms are
-/// 0.0197, 0.0217, 0.0204, 0.0155 off without, and 0.0191, 0.0205, 0.0186, 0.0151 with it, before [`STRANGER`] took off as
-/// much again; most of what is left is what the masks ask for. Forty gives no more.
-pub(super) const USAGE: f64 = 8.0;
+/// 0.0197, 0.0217, 0.0204, 0.0155 off without, and 0.0191, 0.0205, 0.0186, 0.0151 with 8, before [`STRANGER`] took off as
+/// much again; most of what is left is what the masks ask for. Forty gives no more, and specks show from 8 on.
+pub(super) const USAGE: f64 = 4.0;
 /// Texels tried that lie as the mask wants it.
 const DRAWN: u64 = 3;
 /// One over by how much the distance of a texel counts more that continues nothing around it (kappa of Lefebvre, Hoppe:

@@ -26,6 +26,8 @@ const MOST_TEXELS: u64 = 1 << 25;
 const MOST_LAYERS: u32 = 256;
 /// Steps of a morph per layer, at least: N >> M.
 const STEPS_PER_LAYER: usize = 16;
+/// What use costs in layers that hide a period: as [`USAGE`], but they begin anew, and would stay patchy.
+const HIDDEN_USAGE: f64 = 1.0;
 /// Layers that hide a period show no texel nearer to its own place than this share of the shorter side.
 const APART: f64 = 0.125;
 
@@ -214,7 +216,7 @@ impl Cut {
     fn hidden(&self, params: &TileParams) -> (Vec<MapSet>, Vec<f64>) {
         let apart = APART * f64::from(self.mask.width().min(self.mask.height()));
         let key = Key::new(params.seed).with_str("tile");
-        let wish = Wish { key, usage: USAGE * params.usage, apart: Some(apart) };
+        let wish = Wish { key, usage: HIDDEN_USAGE * params.usage, apart: Some(apart) };
         let sources = self.stack.synthesise(&vec![self.mask.clone(); params.layers as usize - 1], &wish);
         sources.iter().map(|s| (blended(self, s, self, s, 0.0), self.histogram(s, &self.mask))).unzip()
     }
