@@ -2,30 +2,8 @@
 
 mod common;
 
-use common::{Project, Ran};
+use common::{Project, Ran, sphere};
 use serde_json::Value;
-
-/// A sphere of 24 x 12 quads as OBJ.
-fn sphere() -> String {
-    let (n, m) = (24u32, 12u32);
-    let mut out = String::from("v 0 1 0\nv 0 -1 0\n");
-    for j in 1..m {
-        for i in 0..n {
-            let (a, b) = (f64::from(i) / f64::from(n) * std::f64::consts::TAU, f64::from(j) / f64::from(m));
-            let (s, c) = kiln::numerics::det::sin_cos(a);
-            let (r, y) = kiln::numerics::det::sin_cos(b * std::f64::consts::PI);
-            out += &format!("v {:.6} {:.6} {:.6}\n", r * s, y, r * c);
-        }
-    }
-    let at = |i: u32, j: u32| 3 + (j - 1) * n + i % n;
-    for i in 0..n {
-        out += &format!("f 1 {} {}\nf 2 {} {}\n", at(i, 1), at(i + 1, 1), at(i + 1, m - 1), at(i, m - 1));
-        for j in 1..m - 1 {
-            out += &format!("f {} {} {} {}\n", at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j));
-        }
-    }
-    out
-}
 
 /// A bake of the sphere with lines added to `[field]`, `[synthesis]` and below.
 fn project(field: &str, synthesis: &str) -> Project {

@@ -2,27 +2,8 @@
 
 mod common;
 
-use common::Project;
+use common::{Project, sphere};
 use serde_json::Value;
-
-/// A sphere of 24 x 12 quads as OBJ.
-fn sphere() -> String {
-    let (n, m) = (24u32, 12u32);
-    let mut out = String::from("v 0 1 0\nv 0 -1 0\n");
-    for (i, j) in (1..m).flat_map(|j| (0..n).map(move |i| (i, j))) {
-        let [a, b] = [f64::from(2 * i) / f64::from(n), f64::from(j) / f64::from(m)].map(|t| t * std::f64::consts::PI);
-        let ((s, c), (r, y)) = (kiln::numerics::det::sin_cos(a), kiln::numerics::det::sin_cos(b));
-        out += &format!("v {:.6} {:.6} {:.6}\n", r * s, y, r * c);
-    }
-    let at = |i: u32, j: u32| 3 + (j - 1) * n + i % n;
-    for i in 0..n {
-        out += &format!("f 1 {} {}\nf 2 {} {}\n", at(i, 1), at(i + 1, 1), at(i + 1, m - 1), at(i, m - 1));
-        for j in 1..m - 1 {
-            out += &format!("f {} {} {} {}\n", at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j));
-        }
-    }
-    out
-}
 
 fn png(value: impl Fn(u32, u32) -> u8) -> Vec<u8> {
     let mut out = Vec::new();

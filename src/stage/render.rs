@@ -68,9 +68,21 @@ fn png(picture: &Texture) -> Result<Vec<u8>, StepError> {
     Ok(encode_png(&pixels, Compression::Fast, Transfer::Srgb)?)
 }
 
-/// The name of the step that makes a view.
-fn name_of(recipe: &str, view: &Render) -> String {
-    format!("{recipe}/render {}", view.name)
+/// The identity of a step that makes a view.
+macro_rules! view_identity {
+    ($kind:literal, $revision:literal) => {
+        fn name(&self) -> String {
+            format!("{}/render {}", self.recipe, self.view.name)
+        }
+
+        fn kind(&self) -> &'static str {
+            $kind
+        }
+
+        fn revision(&self) -> u32 {
+            $revision
+        }
+    };
 }
 
 /// A view of the field: reads surface, synthesis mesh and field.
@@ -80,17 +92,7 @@ pub(super) struct RenderField {
 }
 
 impl Step for RenderField {
-    fn name(&self) -> String {
-        name_of(&self.recipe, &self.view)
-    }
-
-    fn kind(&self) -> &'static str {
-        "render field"
-    }
-
-    fn revision(&self) -> u32 {
-        1
-    }
+    view_identity!("render field", 1);
 
     fn describe(&self, v: &mut dyn Visitor) {
         v.param("view", &self.view.view);
@@ -115,17 +117,7 @@ pub(super) struct RenderSingularities {
 }
 
 impl Step for RenderSingularities {
-    fn name(&self) -> String {
-        name_of(&self.recipe, &self.view)
-    }
-
-    fn kind(&self) -> &'static str {
-        "render singularities"
-    }
-
-    fn revision(&self) -> u32 {
-        1
-    }
+    view_identity!("render singularities", 1);
 
     fn describe(&self, v: &mut dyn Visitor) {
         v.param("view", &self.view.view);
@@ -152,17 +144,7 @@ impl Step for RenderSingularities {
 }
 
 impl Step for RenderView {
-    fn name(&self) -> String {
-        name_of(&self.recipe, &self.view)
-    }
-
-    fn kind(&self) -> &'static str {
-        "render"
-    }
-
-    fn revision(&self) -> u32 {
-        1
-    }
+    view_identity!("render", 1);
 
     fn describe(&self, v: &mut dyn Visitor) {
         v.param("view", &self.view.view);
