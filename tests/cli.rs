@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::Project;
+use common::{Project, TETRAHEDRON};
 
 const RECIPE: &str = r#"
 [mesh]
@@ -25,9 +25,6 @@ view = "turntable-1"
 size = 32
 "#;
 
-/// A tetrahedron.
-const MESH: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
-
 /// A picture of 16x16 texels with something in it.
 fn exemplar(phase: u32) -> Vec<u8> {
     let mut out = Vec::new();
@@ -43,7 +40,7 @@ fn exemplar(phase: u32) -> Vec<u8> {
 fn small() -> Project {
     let project = Project::new();
     project.write("recipes/one.toml", RECIPE);
-    project.write("recipes/m.obj", MESH);
+    project.write("recipes/m.obj", TETRAHEDRON);
     project.write("recipes/e.png", exemplar(0));
     project
 }

@@ -9,7 +9,7 @@ mod common;
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Command, Stdio};
 
-use common::{Project, Ran};
+use common::{Project, Ran, TETRAHEDRON};
 use kiln::build::{Cache, Digest, Record};
 use kiln::disk::Real;
 use kiln::golden::digest::{digest_glb, digest_pixels};
@@ -67,9 +67,6 @@ size = 32
 
 const CANVAS: &str = "[canvas]\nsize = [48, 32]\n\n[exemplar]\nbase_color = \"e.png\"\n";
 
-/// A tetrahedron.
-const MESH: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
-
 const COLOR: &str = "one.base_color.png";
 
 fn png(pixels: &Pixels) -> Vec<u8> {
@@ -87,7 +84,7 @@ fn fresh() -> Project {
     let project = Project::new();
     project.write("recipes/one.toml", RECIPE);
     project.write("recipes/two.toml", CANVAS);
-    project.write("recipes/m.obj", MESH);
+    project.write("recipes/m.obj", TETRAHEDRON);
     project.write("recipes/e.png", exemplar(24, 0));
     project
 }

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::Project;
+use common::{Project, TETRAHEDRON};
 use kiln::io::image_file::{Limits, decode_pixels};
 use kiln::io::{Pixels, Samples};
 
@@ -29,7 +29,7 @@ fn spot(x: u32, y: u32) -> bool {
 
 fn project() -> Project {
     let project = Project::new();
-    project.write("recipes/m.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n");
+    project.write("recipes/m.obj", TETRAHEDRON);
     project.write("recipes/a.png", png(32, 3, |x, y, c| grain(x, y) + if spot(x, y) { 40 * c as u8 } else { 120 }));
     project.write("recipes/b.png", png(32, 3, |x, y, _| grain(x, y) + if x % 16 < 6 { 30 } else { 210 }));
     project.write("recipes/ah.png", png(32, 1, |x, y, _| if spot(x, y) { 200 } else { 90 }));

@@ -85,6 +85,12 @@ macro_rules! view_identity {
     };
 }
 
+/// Where from and how large a view is.
+fn describe_view(view: &Render, v: &mut dyn Visitor) {
+    v.param("view", &view.view);
+    v.param("size", &view.size);
+}
+
 /// A view of the field: reads surface, synthesis mesh and field.
 pub(super) struct RenderField {
     pub recipe: String,
@@ -95,8 +101,7 @@ impl Step for RenderField {
     view_identity!("render field", 1);
 
     fn describe(&self, v: &mut dyn Visitor) {
-        v.param("view", &self.view.view);
-        v.param("size", &self.view.size);
+        describe_view(&self.view, v);
     }
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
@@ -120,8 +125,7 @@ impl Step for RenderSingularities {
     view_identity!("render singularities", 1);
 
     fn describe(&self, v: &mut dyn Visitor) {
-        v.param("view", &self.view.view);
-        v.param("size", &self.view.size);
+        describe_view(&self.view, v);
     }
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
@@ -147,8 +151,7 @@ impl Step for RenderView {
     view_identity!("render", 1);
 
     fn describe(&self, v: &mut dyn Visitor) {
-        v.param("view", &self.view.view);
-        v.param("size", &self.view.size);
+        describe_view(&self.view, v);
         v.param("shading", &self.view.shading);
     }
 
