@@ -238,17 +238,22 @@ fn a_cache_is_carried_to_another_tree_and_kept_small() {
     assert_eq!(shared.contents("out"), project.contents("out"));
     shared.kiln(&["cache", "verify", "--cache", &carried]).expect(0);
 
-    let bytes = |project: &Project| -> usize { project.contents(".kiln/cache/blobs").values().map(Vec::len).sum() };
-    assert!(bytes(&other) > 20_000, "{}", bytes(&other));
+    let sizes =
+        |project: &Project| -> Vec<usize> { project.contents(".kiln/cache/blobs").values().map(Vec::len).collect() };
+    let bytes = |project: &Project| -> usize { sizes(project).iter().sum() };
+    // Which artefact was used last differs from run to run; room for any two of them always leaves one.
+    let room = 2 * sizes(&other).into_iter().max().expect("artefacts");
+    let all = bytes(&other);
+    assert!(all > room, "{all} bytes, {room} of them to be left");
     other.kiln(&["cache", "trim"]).expect(2);
     other.kiln(&["cache", "trim", "--max-age", "1d"]).expect(0);
-    assert!(bytes(&other) > 20_000, "all of it is young and used");
-    other.kiln(&["cache", "trim", "--max-size", "20000B"]).expect(0);
-    assert!((1..=20_000).contains(&bytes(&other)), "{}", bytes(&other));
-    other.write("kiln.toml", "[cache]\nmax_size = 9000\n");
+    assert_eq!(bytes(&other), all, "all of it is young and used");
+    other.kiln(&["cache", "trim", "--max-size", &format!("{room}B")]).expect(0);
+    assert!((1..=room).contains(&bytes(&other)), "{}", bytes(&other));
+    other.write("kiln.toml", format!("[cache]\nmax_size = {room}\n"));
     other.write("recipes/e.png", picture(16, 77));
     other.kiln(&["bake"]).expect(0);
-    assert!((1..=9000).contains(&bytes(&other)), "{}", bytes(&other));
+    assert!((1..=room).contains(&bytes(&other)), "{}", bytes(&other));
     other.kiln(&["cache", "clear"]).expect(0);
     assert_eq!(bytes(&other), 0);
     project.kiln(&["cache", "import", "nowhere"]).expect(2);
