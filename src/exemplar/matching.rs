@@ -21,11 +21,14 @@ pub(crate) struct Grid {
     stride: u32,
     /// Columns and rows of the one sample, if it is a torus.
     torus: Option<(u32, u32)>,
-    min_distance: f64,
+    /// The square of the minimum distance, rounded up: squared distances are whole.
+    min_squared: u64,
     /// The first place of each sample.
     starts: Vec<u32>,
     /// The place of each point.
     places: Vec<u32>,
+    /// Column and row of each place.
+    at: Vec<[u32; 2]>,
     /// The point at each place, or [`NONE`].
     points: Vec<u32>,
 }
@@ -45,9 +48,10 @@ impl Grid {
         let mut grid = Grid {
             stride,
             torus,
-            min_distance,
+            min_squared: (min_distance * min_distance).ceil() as u64,
             starts: vec![],
             places: Vec::with_capacity(domain.len()),
+            at: Vec::with_capacity(domain.len()),
             points: vec![NONE; (stride * subject.areas.iter().map(rows).sum::<u32>()) as usize],
         };
         let mut start = 0;
@@ -58,6 +62,7 @@ impl Grid {
                     let place = start + (y + REACH) * stride + x + REACH;
                     grid.points[place as usize] = grid.places.len() as u32;
                     grid.places.push(place);
+                    grid.at.push([place % stride, place / stride]);
                 }
             }
             start += rows(area) * stride;
@@ -79,23 +84,18 @@ impl Grid {
     /// True if two points are at least the minimum distance apart; on a torus the short way counts.
     #[inline]
     pub(crate) fn apart(&self, a: u32, b: u32) -> bool {
-        let (a, b) = (self.places[a as usize], self.places[b as usize]);
-        // Far apart in the order of rows is far apart; only the rest needs divisions.
-        let (d, reach) = (a.abs_diff(b), (self.min_distance as u32 + 2).saturating_mul(self.stride));
-        if d > reach && self.torus.is_none_or(|t| d < (t.1 * self.stride).saturating_sub(reach)) {
-            return true;
-        }
-        let sample = |place: u32| self.starts.partition_point(|s| *s <= place);
-        if self.starts.len() > 1 && sample(a) != sample(b) {
-            return true;
-        }
+        let ([ax, ay], [bx, by]) = (self.at[a as usize], self.at[b as usize]);
         let along = |a: u32, b: u32, n: Option<u32>| {
             let d = a.abs_diff(b);
             u64::from(n.map_or(d, |n| d.min(n - d)))
         };
-        let dx = along(a % self.stride, b % self.stride, self.torus.map(|t| t.0));
-        let dy = along(a / self.stride, b / self.stride, self.torus.map(|t| t.1));
-        (dx * dx + dy * dy) as f64 >= self.min_distance * self.min_distance
+        let dx = along(ax, bx, self.torus.map(|t| t.0));
+        let dy = along(ay, by, self.torus.map(|t| t.1));
+        if dx * dx + dy * dy >= self.min_squared {
+            return true;
+        }
+        let sample = |row: u32| self.starts.partition_point(|s| *s <= row * self.stride);
+        self.starts.len() > 1 && sample(ay) != sample(by)
     }
 
     /// The difference of places of a step.
