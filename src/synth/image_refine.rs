@@ -77,7 +77,7 @@ pub(super) fn refine_board(
         let fresh = FRESH[i.min(FRESH.len() - 1)];
         let mut level = Level::new(board, stride);
         let known: Vec<[u16; 2]> = level.sources.iter().copied().filter(|s| *s != EMPTY).collect();
-        let usage = Usage::new(jumps.domain(), metric, known.into_iter());
+        let usage = Usage::new(jumps.domain(), metric, i, known.into_iter());
         // A hole has no need of all parts of the picture; to use them evenly would only break it up.
         let usage = if filled { usage.ignored() } else { usage };
         let mut scene = Scene { jumps, metric, guide, stride, shifts: &tried, usage, present: PRESENT, fresh };

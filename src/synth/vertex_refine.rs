@@ -137,7 +137,7 @@ impl<'a> Level<'a> {
         let (mut time, mut quiet) = (1, 0);
         let metric = &self.metrics.levels[self.blocks];
         let sources: Vec<[u16; 2]> = self.addresses.iter().map(|a| texel_of(*a)).collect();
-        let mut usage = Usage::new(self.jumps.domain(), metric, sources.into_iter());
+        let mut usage = Usage::new(self.jumps.domain(), metric, self.blocks, sources.into_iter());
         for sweep in 0..sweeps {
             let which = sweep as usize % 2;
             let mut changes = 0;
