@@ -20,7 +20,7 @@ use crate::numerics::{par, pca};
 use crate::texture::MapSet;
 
 /// Texels whose vectors are used to find the principal components.
-const SAMPLES: usize = 4096;
+const SAMPLES: usize = 2048;
 
 /// What an analysis found.
 #[derive(Clone, Debug, PartialEq)]

@@ -12,7 +12,7 @@ use super::{AnalysisParams, Error};
 use crate::numerics::pca;
 use crate::texture::{MapSet, Texture};
 
-/// Texels whose vectors are used to find the principal components. A quarter of the analysis' number: the few leading
+/// Texels whose vectors are used to find the principal components. Half of the analysis' number: the few leading
 /// ones settle early, and the covariance would take most of the time.
 const SAMPLES: usize = 1024;
 

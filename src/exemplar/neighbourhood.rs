@@ -274,10 +274,9 @@ pub(crate) fn feature_planes(kind: MapKind, map: &Texture, weight: f32) -> Vec<V
 
 /// Linear Rec. 709 to Oklab (Ottosson 2020).
 fn oklab([r, g, b]: [f32; 3]) -> [f32; 3] {
-    let root = |v: f32| det::powf(v.abs(), 1.0 / 3.0).copysign(v);
-    let l = root(0.412_221_46 * r + 0.536_332_55 * g + 0.051_445_995 * b);
-    let m = root(0.211_903_5 * r + 0.680_699_5 * g + 0.107_396_96 * b);
-    let s = root(0.088_302_46 * r + 0.281_718_85 * g + 0.629_978_7 * b);
+    let l = det::cbrt(0.412_221_46 * r + 0.536_332_55 * g + 0.051_445_995 * b);
+    let m = det::cbrt(0.211_903_5 * r + 0.680_699_5 * g + 0.107_396_96 * b);
+    let s = det::cbrt(0.088_302_46 * r + 0.281_718_85 * g + 0.629_978_7 * b);
     [
         0.210_454_26 * l + 0.793_617_8 * m - 0.004_072_047 * s,
         1.977_998_5 * l - 2.428_592_2 * m + 0.450_593_7 * s,

@@ -53,6 +53,11 @@ pub fn pow(x: f64, y: f64) -> f64 {
     libm::pow(x, y)
 }
 
+/// Single-precision cube root, of the sign of x.
+pub fn cbrt(x: f32) -> f32 {
+    libm::cbrtf(x)
+}
+
 /// Single-precision x to the power of y.
 pub fn powf(x: f32, y: f32) -> f32 {
     libm::powf(x, y)
