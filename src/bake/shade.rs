@@ -10,6 +10,8 @@
 //! Cubic interpolation: Catmull and Rom 1974. A surface meets the sample's texels anywhere between their centres, where linear
 //! interpolation takes away fine detail: what kiln synthesises flat, moved by a quarter of a texel, has 3.8 times
 //! the sliced Wasserstein distance to granite, 1.5 times that to leopard skin; cubic 2.2 and 1.04 times.
+//! Of irregular planes (edges of 5.3 texels) cubic interpolation makes it 50 after 92 (granite), 39 after 54 (leopard skin),
+//! 47 after 61 (bricks), 46 as before (pebbles), for a tenth more time.
 //!
 //! Unaware of: atlases, cameras.
 
