@@ -163,6 +163,11 @@ impl Coverage {
         &self.gutter[at(rows.start)..at(rows.end)]
     }
 
+    /// What a texel of the gutter looks at.
+    pub(crate) fn gutter_at(&self, texel: u32) -> Option<&GutterTexel> {
+        self.gutter.binary_search_by_key(&texel, |g| g.texel).ok().map(|i| &self.gutter[i])
+    }
+
     /// The affine map of a synthesis face.
     pub(crate) fn to_bary(&self, face: u32) -> &ToBary {
         &self.to_bary[face as usize]
@@ -257,7 +262,7 @@ fn check(surface: &Surface, synthesis: &SynthesisMesh, atlas: &Atlas, tangents: 
 }
 
 /// Corners of a synthesis face on the page, in texels.
-fn synthesis_px(synthesis: &SynthesisMesh, atlas: &Atlas, f: usize) -> [Vec2; 3] {
+pub(crate) fn synthesis_px(synthesis: &SynthesisMesh, atlas: &Atlas, f: usize) -> [Vec2; 3] {
     let parent = synthesis.parent[f] as usize;
     let p = [0, 1, 2].map(|k| atlas.corner_px(3 * parent + k));
     synthesis.parent_bary[f].map(|b| p[0] * f64::from(b[0]) + p[1] * f64::from(b[1]) + p[2] * f64::from(b[2]))

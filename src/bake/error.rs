@@ -61,6 +61,11 @@ pub enum Error {
         /// Share of the covered texels that belong to more than one triangle.
         share: f64,
     },
+    /// More texels to be corrected than fit into memory.
+    TooManyNodes {
+        /// How many there are.
+        found: usize,
+    },
     /// Two inputs do not belong together.
     Mismatch {
         /// What was counted.
@@ -127,6 +132,11 @@ impl fmt::Display for Error {
                  are allowed: let kiln unwrap the mesh",
                 share * 100.0,
                 super::atlas::MAX_OVERLAP * 100.0
+            ),
+            Error::TooManyNodes { found } => write!(
+                f,
+                "the atlas has {found} places to correct, at most {} are; a smaller atlas or a smaller scale has fewer",
+                super::MAX_NODES
             ),
             Error::Mismatch { what, found, expected } => write!(f, "{what}: found {found}, expected {expected}"),
             Error::Library { message } => write!(f, "the UV unwrapper refused the mesh: {message}"),

@@ -13,8 +13,10 @@ use super::border::Turn;
 use super::coverage::{Coverage, NO_FACE, STRIP, clamp_bary};
 use super::dilate::dilate;
 use super::error::Error;
-use super::shade::{FaceSets, Pyramid, Sampled, V3, cross, dot, mix, tangent_normal, unit_or};
+use super::lie::Lie;
+use super::shade::{FaceSets, Filter, Pyramid, Sampled, V3, cross, dot, mix, tangent_normal, unit_or};
 use super::stitch::stitch;
+use super::texel_sources::{Layer, Nodes, TexelSources};
 use crate::mesh::{Surface, SynthesisMesh};
 use crate::numerics::par;
 use crate::texture::{MapKind, Texture};
@@ -35,6 +37,18 @@ pub struct Inputs<'a> {
     pub tangents: &'a [[f32; 4]],
     /// Corner coordinates on the synthesis mesh.
     pub sets: &'a UvSets,
+    /// Places chosen texel by texel, which go before those of the sets.
+    pub sources: Option<&'a TexelSources>,
+    /// How the sample is interpolated between its texels.
+    pub filter: Filter,
+}
+
+impl<'a> Inputs<'a> {
+    /// The chosen places ready to be looked up, if there are any.
+    fn nodes(&self) -> Result<Option<Nodes<'a>>, Error> {
+        let Inputs { coverage, synthesis, atlas, sets, .. } = *self;
+        self.sources.map(|s| Nodes::new(Lie { coverage, synthesis, atlas, sets }, s)).transpose()
+    }
 }
 
 /// Sample texels per atlas texel from which four taps are taken.
@@ -46,7 +60,7 @@ const TAP_FROM: f32 = 1.25;
 /// Panics if `map` has another number of channels than its kind.
 pub fn bake_map(inputs: &Inputs, kind: MapKind, map: &Texture) -> Result<Texture, Error> {
     check(inputs, map)?;
-    Ok(baked(inputs, kind, Sampled::new(kind, map)))
+    baked(inputs, kind, Sampled::new(kind, map).filtered(inputs.filter))
 }
 
 /// Bakes one map of a tile, layer by layer from m = 0 to m = 1. Everything else as [`bake_map`]; the sets must have a
@@ -63,19 +77,23 @@ pub fn bake_tile(inputs: &Inputs, kind: MapKind, layers: &[&Texture]) -> Result<
     if found != expected {
         return mismatch("corners with a material", found, expected);
     }
-    Ok(baked(inputs, kind, Sampled::tile(kind, layers)))
+    baked(inputs, kind, Sampled::tile(kind, layers).filtered(inputs.filter))
 }
 
-fn baked(inputs: &Inputs, kind: MapKind, map: Sampled) -> Texture {
+fn baked(inputs: &Inputs, kind: MapKind, map: Sampled) -> Result<Texture, Error> {
+    let nodes = inputs.nodes()?;
+    let nodes = nodes.as_ref();
     let mut out = match map {
-        Sampled::One(p) => shade::<1, 1>(inputs, kind, |f, b, lods| f.sets.value(&p, b, lods)),
-        Sampled::Three(p) if kind == MapKind::Normal => shade::<4, 3>(inputs, kind, |f, b, lods| f.normal(&p, b, lods)),
-        Sampled::Three(p) => shade::<4, 3>(inputs, kind, |f, b, lods| f.sets.value(&p, b, lods)),
+        Sampled::One(p) => shade::<1, 1>(inputs, nodes, kind, |_, s, b| s.sets.value(&p, b, &s.lods)),
+        Sampled::Three(p) if kind == MapKind::Normal => {
+            shade::<4, 3>(inputs, nodes, kind, |f, s, b| f.normal(&p, s, b))
+        }
+        Sampled::Three(p) => shade::<4, 3>(inputs, nodes, kind, |_, s, b| s.sets.value(&p, b, &s.lods)),
     };
     dilate(inputs.coverage, &mut out);
     // After the rest is filled: coarse levels look beyond the gutter.
     stitch(inputs.coverage.stitches(), kind, &mut out);
-    out
+    Ok(out)
 }
 
 fn check(inputs: &Inputs, map: &Texture) -> Result<(), Error> {
@@ -100,10 +118,15 @@ fn check(inputs: &Inputs, map: &Texture) -> Result<(), Error> {
     same("rows of the sample", map.height() as usize, inputs.sets.exemplar_size[1] as usize)
 }
 
-/// One face of the synthesis mesh, ready for its texels.
-struct Face {
+/// Sets of a face, or what goes before them at a texel, and the mip level of each.
+struct Shown {
     sets: FaceSets,
     lods: [f32; 4],
+}
+
+/// One face of the synthesis mesh, ready for its texels.
+struct Face {
+    shown: Shown,
     /// Where the taps lie from the texel's centre, as steps of barycentric coordinates; one or four.
     taps: [[f32; 3]; 4],
     tap_count: usize,
@@ -138,13 +161,20 @@ impl Face {
         let t = [0, 1, 2].map(|k| inputs.tangents[parent + k]);
         let normals = inputs.synthesis.parent_bary[f].map(|b| mix(&n, b));
         let tangents = inputs.synthesis.parent_bary[f].map(|b| mix(&t.map(|t| [t[0], t[1], t[2]]), b));
-        Face { sets, lods, taps, tap_count, normals, tangents, sign: t[0][3] }
+        Face { shown: Shown { sets, lods }, taps, tap_count, normals, tangents, sign: t[0][3] }
+    }
+
+    /// What was chosen for a point, which lies on the page at `place`, or where the face is.
+    fn chosen(&self, nodes: &Nodes, face: u32, b: [f32; 3], place: Option<[f32; 2]>, layers: &mut Vec<Layer>) -> Shown {
+        let place = place.unwrap_or_else(|| nodes.lie.on_page(face, b));
+        let set = nodes.layers(face, b, place, layers);
+        Shown { sets: self.shown.sets.shifted(set, layers), lods: [self.shown.lods[set]; 4] }
     }
 
     /// The map's normal in the basis of the atlas: the inverse of what engines do.
-    fn normal(&self, map: &Pyramid<4>, b: [f32; 3], lods: &[f32; 4]) -> [f32; 4] {
+    fn normal(&self, map: &Pyramid<4>, shown: &Shown, b: [f32; 3]) -> [f32; 4] {
         let (n, t) = (mix(&self.normals, b), mix(&self.tangents, b));
-        let world = self.sets.normal(map, b, lods, unit_or(n, [0.0, 0.0, 1.0]));
+        let world = shown.sets.normal(map, b, &shown.lods, unit_or(n, [0.0, 0.0, 1.0]));
         let bitangent = cross(n, t).map(|x| x * self.sign);
         let rows = [cross(bitangent, n), cross(n, t), cross(t, bitangent)];
         let det = dot(t, rows[0]);
@@ -193,18 +223,19 @@ fn for_covered(coverage: &Coverage, rows: std::ops::Range<u32>, mut put: impl Fn
 /// Shades every covered texel and every texel of the gutter; `C` of the `N` channels are kept.
 fn shade<const N: usize, const C: usize>(
     inputs: &Inputs,
+    nodes: Option<&Nodes>,
     kind: MapKind,
-    value: impl Fn(&Face, [f32; 3], &[f32; 4]) -> [f32; N] + Sync,
+    value: impl Fn(&Face, &Shown, [f32; 3]) -> [f32; N] + Sync,
 ) -> Texture {
     let coverage = inputs.coverage;
     let (w, h) = (coverage.width(), coverage.height());
-    let at = |face: &Face, b: [f32; 3]| {
+    let at = |face: &Face, shown: &Shown, b: [f32; 3]| {
         if face.tap_count == 1 {
-            return value(face, b, &face.lods);
+            return value(face, shown, b);
         }
         let mut sum = [0.0; N];
         for tap in &face.taps {
-            let v = value(face, clamp_bary([b[0] + tap[0], b[1] + tap[1], b[2] + tap[2]]), &face.lods);
+            let v = value(face, shown, clamp_bary([b[0] + tap[0], b[1] + tap[1], b[2] + tap[2]]));
             (0..N).for_each(|k| sum[k] += v[k]);
         }
         let scale = match kind {
@@ -219,17 +250,25 @@ fn shade<const N: usize, const C: usize>(
         let rows = strip as u32 * STRIP..(strip as u32 * STRIP + STRIP).min(h);
         let first = rows.start as usize * w as usize;
         let mut cache = Cache::new();
-        let mut put = |texel: usize, f: u32, b: [f32; 3], turn: Option<Turn>| {
-            let mut v = at(cache.get(f, || Face::new(inputs, f, kind)), b);
+        let mut layers = Vec::new();
+        let mut put = |texel: usize, f: u32, b: [f32; 3], place: Option<[f32; 2]>, turn: Option<Turn>| {
+            let face = cache.get(f, || Face::new(inputs, f, kind));
+            let mut v = match nodes {
+                None => at(face, &face.shown, b),
+                Some(nodes) => at(face, &face.chosen(nodes, f, b, place, &mut layers), b),
+            };
             if let (Some([p, q]), true) = (turn, N >= 2) {
                 (v[0], v[1]) = (p[0] * v[0] + p[1] * v[1], q[0] * v[0] + q[1] * v[1]);
             }
             data[(texel - first) * C..][..C].copy_from_slice(&v[..C]);
         };
-        for_covered(coverage, rows.clone(), |texel, f, b| put(texel, f, b, None));
+        for_covered(coverage, rows.clone(), |texel, f, b| {
+            let place = [(texel % w as usize) as f32 + 0.5, (texel / w as usize) as f32 + 0.5];
+            put(texel, f, b, Some(place), None);
+        });
         for g in coverage.gutter_in(rows) {
             let turn = (kind == MapKind::Normal).then(|| coverage.turn(g));
-            put(g.texel as usize, g.face, g.bary, turn);
+            put(g.texel as usize, g.face, g.bary, None, turn);
         }
     });
     out

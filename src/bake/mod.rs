@@ -5,6 +5,7 @@
 //!                       |
 //! SynthesisMesh --------+--> Coverage (which face lies under each texel, where the gutter's texels look)
 //!                                |
+//!                                |--> TexelGraph .. corrected elsewhere .. TexelSources
 //! UvSets, exemplar map ----------+--> bake_map: shade, stitch the seams, dilate --> Texture
 //! ```
 //!
@@ -22,6 +23,7 @@ mod coverage;
 mod dilate;
 mod error;
 mod gutter;
+mod lie;
 mod map;
 mod mip;
 mod orm;
@@ -29,6 +31,8 @@ mod seam;
 mod shade;
 mod stitch;
 mod tangent;
+mod texel_graph;
+mod texel_sources;
 mod unwrap;
 #[cfg(feature = "xatlas")]
 mod xatlas;
@@ -45,6 +49,8 @@ pub use map::{Inputs, bake_map, bake_tile};
 pub use mip::{mip_chain, next_mip};
 pub use orm::pack_orm;
 pub use seam::{SeamError, seam_error};
-pub use shade::{FaceSets, Pyramid, Sampled};
+pub use shade::{FaceSets, Filter, Pyramid, Sampled};
 pub use tangent::tangents;
+pub use texel_graph::TexelGraph;
+pub use texel_sources::{MAX_NODES, TexelSources};
 pub use unwrap::{Extent, Library, UnwrapParams, default_gutter_px, unwrap, unwrap_watched};

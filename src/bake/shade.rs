@@ -3,12 +3,20 @@
 //! Source: \[ZG03\] section 4.4 (three sets, weights linear over the face); variance-preserving blending about the mean.
 //! In: a face, barycentric coordinates, the size of the footprint. Out: the map's value there; for normal maps the
 //! normal in the world.
-//! Magnified samples are bilinear. Minified ones come from box mip levels of the sample in linear light (normals as
+//! Magnified samples are interpolated as [`Filter`] says. Minified ones come from box mip levels of the sample in linear light (normals as
 //! vectors), between two levels linearly; positions outside the sample take its border. A tile of several layers
 //! (\[MST09\]) wraps instead, and is linear between two layers too, which mip levels never mix.
 //!
+//! Cubic interpolation: Catmull and Rom 1974. A surface meets the sample's texels anywhere between their centres, where linear
+//! interpolation takes away fine detail: what kiln synthesises flat, moved by a quarter of a texel, has 3.8 times
+//! the sliced Wasserstein distance to granite, 1.5 times that to leopard skin; cubic 2.2 and 1.04 times.
+//! Of irregular planes (edges of 5.3 texels) cubic interpolation makes it 50 after 92 (granite), 39 after 54 (leopard skin),
+//! 47 after 61 (bricks), 46 as before (pebbles), for a tenth more time.
+//!
 //! Unaware of: atlases, cameras.
 
+use super::lie::moved;
+use super::texel_sources::Layer;
 use crate::mesh::TriMesh;
 use crate::numerics::det;
 use crate::numerics::vec::Vec3;
@@ -47,6 +55,21 @@ pub(crate) fn mix<const N: usize>(corners: &[[f32; N]; 3], b: [f32; 3]) -> [f32;
     std::array::from_fn(|i| corners[0][i] * b[0] + corners[1][i] * b[1] + corners[2][i] * b[2])
 }
 
+/// How places between the centres of texels are filled in, on the finest level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Filter {
+    /// From four texels: what graphics hardware does.
+    Linear,
+    /// From sixteen, within their range: keeps fine detail that linear interpolation takes away.
+    Cubic,
+}
+
+/// Shares of the four texels around a place that is `t` (0..=1) past the second: Catmull-Rom.
+fn cubic_shares(t: f32) -> [f32; 4] {
+    let (t2, t3) = (t * t, t * t * t);
+    [-0.5 * t3 + t2 - 0.5 * t, 1.5 * t3 - 2.5 * t2 + 1.0, -1.5 * t3 + 2.0 * t2 + 0.5 * t, 0.5 * t3 - 0.5 * t2]
+}
+
 struct Level<const N: usize> {
     width: u32,
     height: u32,
@@ -54,27 +77,60 @@ struct Level<const N: usize> {
 }
 
 impl<const N: usize> Level<N> {
-    /// Bilinear, clamped to the border.
+    /// Clamped to the border.
     #[inline]
-    fn sample(&self, x: f32, y: f32) -> [f32; N] {
+    fn sample(&self, x: f32, y: f32, filter: Filter) -> [f32; N] {
         // `max` first: it turns NaN into 0.
         let fx = (x - 0.5).max(0.0).min((self.width - 1) as f32);
         let fy = (y - 0.5).max(0.0).min((self.height - 1) as f32);
         let (x0, y0) = (fx as u32, fy as u32);
-        let (dx, dy) = ((x0 + 1 < self.width) as u32, (y0 + 1 < self.height) as u32);
-        self.mean([x0, x0 + dx], [y0, y0 + dy], [fx - x0 as f32, fy - y0 as f32])
+        let shares = [fx - x0 as f32, fy - y0 as f32];
+        let (x1, y1) = ((x0 + 1).min(self.width - 1), (y0 + 1).min(self.height - 1));
+        match filter {
+            Filter::Linear => self.mean([x0, x1], [y0, y1], shares),
+            Filter::Cubic => {
+                let columns = [x0.saturating_sub(1), x0, x1, (x0 + 2).min(self.width - 1)];
+                let rows = [y0.saturating_sub(1), y0, y1, (y0 + 2).min(self.height - 1)];
+                self.cubic(columns, rows, shares)
+            }
+        }
     }
 
-    /// Bilinear, wrapping.
-    fn sample_wrapped(&self, x: f32, y: f32) -> [f32; N] {
+    /// Wrapping.
+    fn sample_wrapped(&self, x: f32, y: f32, filter: Filter) -> [f32; N] {
         let axis = |x: f32, side: u32| {
             let floor = (x - 0.5).floor();
             let first = (floor as i64).rem_euclid(i64::from(side)) as u32;
             let share = x - 0.5 - floor;
-            ([first, if first + 1 < side { first + 1 } else { 0 }], if share.is_finite() { share } else { 0.0 })
+            let after = |x: u32| if x + 1 < side { x + 1 } else { 0 };
+            let before = if first > 0 { first - 1 } else { side - 1 };
+            let second = after(first);
+            ([before, first, second, after(second)], if share.is_finite() { share } else { 0.0 })
         };
         let ((columns, tx), (rows, ty)) = (axis(x, self.width), axis(y, self.height));
-        self.mean(columns, rows, [tx, ty])
+        match filter {
+            Filter::Linear => self.mean([columns[1], columns[2]], [rows[1], rows[2]], [tx, ty]),
+            Filter::Cubic => self.cubic(columns, rows, [tx, ty]),
+        }
+    }
+
+    /// Cubic in both directions, within the range of the texels.
+    #[inline]
+    fn cubic(&self, columns: [u32; 4], rows: [u32; 4], [tx, ty]: [f32; 2]) -> [f32; N] {
+        let (across, down) = (cubic_shares(tx), cubic_shares(ty));
+        let (mut sum, mut low, mut high) = ([0.0; N], [f32::MAX; N], [f32::MIN; N]);
+        for (row, down) in rows.into_iter().zip(down) {
+            let start = row as usize * self.width as usize;
+            for (column, across) in columns.into_iter().zip(across) {
+                let (texel, share) = (&self.data[start + column as usize], across * down);
+                for k in 0..N {
+                    sum[k] += share * texel[k];
+                    low[k] = low[k].min(texel[k]);
+                    high[k] = high[k].max(texel[k]);
+                }
+            }
+        }
+        std::array::from_fn(|k| sum[k].max(low[k]).min(high[k]))
     }
 
     #[inline]
@@ -113,6 +169,7 @@ pub struct Pyramid<const N: usize> {
     layers: Vec<Vec<Level<N>>>,
     /// A tile: it goes on at the other side.
     wraps: bool,
+    filter: Filter,
     mean: [f32; N],
     low: [f32; N],
     high: [f32; N],
@@ -155,10 +212,15 @@ impl<const N: usize> Pyramid<N> {
         };
         let layers = layers.iter().map(|map| levels_of(map)).collect();
         let mean = sum.map(|s| (s / count) as f32);
-        Pyramid { layers, wraps, mean, low, high }
+        Pyramid { layers, wraps, filter: Filter::Linear, mean, low, high }
     }
 
-    /// The value at a position in texels of level 0, in the first layer. `lod` 0 or less is bilinear on the finest level.
+    /// The same with another filter than the linear one.
+    pub fn filtered(self, filter: Filter) -> Self {
+        Pyramid { filter, ..self }
+    }
+
+    /// The value at a position in texels of level 0, in the first layer. `lod` 0 or less is the finest level.
     #[inline]
     pub fn sample(&self, at: Texel, lod: f32) -> [f32; N] {
         self.in_layer(&self.layers[0], at, lod)
@@ -180,7 +242,11 @@ impl<const N: usize> Pyramid<N> {
 
     #[inline]
     fn in_layer(&self, levels: &[Level<N>], at: Texel, lod: f32) -> [f32; N] {
-        if lod > 0.0 || self.wraps { self.between_levels(levels, at, lod) } else { levels[0].sample(at.x, at.y) }
+        if lod > 0.0 || self.wraps {
+            self.between_levels(levels, at, lod)
+        } else {
+            levels[0].sample(at.x, at.y, self.filter)
+        }
     }
 
     fn between_levels(&self, levels: &[Level<N>], at: Texel, lod: f32) -> [f32; N] {
@@ -191,7 +257,8 @@ impl<const N: usize> Pyramid<N> {
             let l = &levels[i.min(levels.len() - 1)];
             let (sx, sy) = (l.width as f32 / levels[0].width as f32, l.height as f32 / levels[0].height as f32);
             let (x, y) = (at.x * sx, at.y * sy);
-            if self.wraps { l.sample_wrapped(x, y) } else { l.sample(x, y) }
+            let filter = if lod > 0.0 { Filter::Linear } else { self.filter };
+            if self.wraps { l.sample_wrapped(x, y, filter) } else { l.sample(x, y, filter) }
         };
         let a = on(i);
         if t == 0.0 {
@@ -215,6 +282,14 @@ impl Sampled {
     pub fn new(kind: MapKind, map: &Texture) -> Self {
         assert_eq!(map.channels(), kind.channels(), "{}", kind.name());
         if kind.channels() == 1 { Sampled::One(Pyramid::new(map)) } else { Sampled::Three(Pyramid::new(map)) }
+    }
+
+    /// The same with another filter than the linear one.
+    pub fn filtered(self, filter: Filter) -> Self {
+        match self {
+            Sampled::One(p) => Sampled::One(p.filtered(filter)),
+            Sampled::Three(p) => Sampled::Three(p.filtered(filter)),
+        }
     }
 
     /// Builds the pyramid of a map of a tile, layer by layer. Panics like [`new`](Self::new) and [`Pyramid::tile`].
@@ -273,6 +348,23 @@ impl FaceSets {
             self.frames[s] = frame(p, &self.corners[s]);
         }
         self
+    }
+
+    /// The face in another dress: one of its sets, shifted as each layer says, instead of all its sets.
+    pub(crate) fn shifted(&self, set: usize, layers: &[Layer]) -> FaceSets {
+        let (mut corners, mut weights) = ([[Texel::default(); 3]; 4], [0.0; 4]);
+        for (i, layer) in layers.iter().enumerate().take(4) {
+            corners[i] = self.corners[set].map(|c| moved(c, layer.shift));
+            weights[i] = layer.weight;
+        }
+        FaceSets {
+            count: layers.len().min(4),
+            corners,
+            weights: [weights; 3],
+            frames: [self.frames[set]; 4],
+            material: self.material,
+            ..*self
+        }
     }
 
     /// Number of sets.

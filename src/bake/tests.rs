@@ -40,7 +40,8 @@ impl Bench {
 
     fn bake(&self, sets: &UvSets, kind: MapKind, map: &Texture) -> Texture {
         let Bench { surface, synthesis, atlas, tangents, coverage } = self;
-        let inputs = Inputs { surface, synthesis, atlas, coverage, tangents, sets };
+        let inputs =
+            Inputs { surface, synthesis, atlas, coverage, tangents, sets, sources: None, filter: Filter::Linear };
         bake_map(&inputs, kind, map).expect("they belong together")
     }
 
@@ -258,7 +259,16 @@ fn both_sides_of_seams_show_the_same_on_every_stitched_level() {
         rough.sample(texel((x as f32 + 0.5) / 4.0, (y as f32 + 0.5) / 4.0), crate::texture::Wrap::Repeat, o);
     });
     let (surface, synthesis, atlas) = (&surface, &synthesis, &atlas);
-    let inputs = Inputs { surface, synthesis, atlas, coverage: &coverage, tangents: &tangents, sets: &sets };
+    let inputs = Inputs {
+        surface,
+        synthesis,
+        atlas,
+        coverage: &coverage,
+        tangents: &tangents,
+        sets: &sets,
+        sources: None,
+        filter: Filter::Linear,
+    };
     let out = bake_map(&inputs, MapKind::BaseColor, &sample).expect("they fit");
     for (mip, most) in [(0, 1.5), (1, 3.0), (2, 3.0), (3, 3.0)] {
         let found = seam_error(surface, atlas, MapKind::BaseColor, &out, mip);
@@ -414,7 +424,8 @@ fn inputs_that_do_not_belong_together_are_refused() {
     let mut sets = bench.scattered([16, 16], Blend::Linear);
     sets.sets[1].pop();
     let Bench { surface, synthesis, atlas, tangents, coverage } = &bench;
-    let inputs = Inputs { surface, synthesis, atlas, coverage, tangents, sets: &sets };
+    let inputs =
+        Inputs { surface, synthesis, atlas, coverage, tangents, sets: &sets, sources: None, filter: Filter::Linear };
     let found = bake_map(&inputs, MapKind::BaseColor, &noise(16)).expect_err("a corner is missing");
     assert_eq!(found.to_string(), "corners in a set: found 1535, expected 1536");
 }
@@ -449,7 +460,16 @@ fn a_real_mesh_bakes_without_visible_seams() {
     let coverage = Coverage::new(&surface, &synthesis, &atlas, &tangents, 10).expect("they fit");
     let sets = scattered(&synthesis.mesh, [64, 64], atlas.texels_per_unit, Blend::Variance);
     let (surface, synthesis, atlas) = (&surface, &synthesis, &atlas);
-    let inputs = Inputs { surface, synthesis, atlas, coverage: &coverage, tangents: &tangents, sets: &sets };
+    let inputs = Inputs {
+        surface,
+        synthesis,
+        atlas,
+        coverage: &coverage,
+        tangents: &tangents,
+        sets: &sets,
+        sources: None,
+        filter: Filter::Linear,
+    };
     let out = bake_map(&inputs, MapKind::BaseColor, &noise(64)).expect("they fit");
     let found = seam_error(surface, atlas, MapKind::BaseColor, &out, 0);
     assert!(found.edges > 1000 && found.mean < 2.0, "white noise: {found:?}");
@@ -487,6 +507,28 @@ fn variance_blending_and_sharper_weights_keep_the_histogram() {
         (distance(Blend::Linear, 1), distance(Blend::Variance, 1), distance(Blend::Linear, 6));
     println!("histogram distances: linear {linear}, variance {variance}, sharpened {sharp}");
     assert!(variance < 0.6 * linear && sharp < 0.6 * linear, "{linear} {variance} {sharp}");
+}
+
+#[test]
+fn cubic_interpolation_keeps_texels_and_parabolas_and_stays_within_range() {
+    // A parabola along x: Catmull-Rom gives it back between its texels.
+    let v = |x: f32| 0.01 * (x + 1.0) * (x + 1.0);
+    let sample = Texture::from_fn(8, 4, 1, |x, _, out| out[0] = v(x as f32 + 0.5));
+    let [p, tile] = [Pyramid::<1>::new(&sample), Pyramid::<1>::tile(&[&sample])].map(|p| p.filtered(Filter::Cubic));
+    for x in [1.5, 2.0, 3.3, 4.75, 6.5] {
+        for p in [&p, &tile] {
+            assert!((p.sample_at(texel(x, 2.0), 0.0, 0.0)[0] - v(x)).abs() < 1e-6, "{x}");
+        }
+    }
+    assert_eq!(
+        (tile.sample(texel(0.0, 0.5), 0.0), p.sample(texel(-5.0, 9.0), 0.0)),
+        (tile.sample(texel(8.0, 4.5), 0.0), [v(0.5)])
+    );
+    assert!(p.sample(texel(f32::NAN, f32::INFINITY), 0.0)[0].is_finite());
+    // A step does not ring.
+    let step = Texture::from_fn(8, 1, 1, |x, _, out| out[0] = if x < 4 { 0.25 } else { 0.75 });
+    let p = Pyramid::<1>::new(&step).filtered(Filter::Cubic);
+    assert!((0..80).all(|i| (0.25..=0.75).contains(&p.sample(texel(i as f32 * 0.1, 0.5), 0.0)[0])));
 }
 
 #[test]

@@ -9,7 +9,7 @@ use super::tree::{At, Entry, Node, Table, Value};
 use super::words::{MapFile, Word};
 
 /// Two keys that exclude each other, and why.
-const RIVALS: [(&str, &str, &str); 37] = [
+const RIVALS: [(&str, &str, &str); 39] = [
     ("mesh", "canvas", "a recipe covers a mesh or fills a canvas; make two recipes"),
     ("canvas", "field", "a canvas has no surface for a field to lie on"),
     ("canvas", "atlas", "a canvas needs no unwrap; its `maps`, `format` and `compression` go into [canvas]"),
@@ -35,6 +35,8 @@ const RIVALS: [(&str, &str, &str); 37] = [
     ("atlas.size", "atlas.texels_per_unit", "each follows from the other; keep one"),
     ("atlas.unwrap", "atlas.keep_uv", "the texture coordinates are made or kept; keep one"),
     ("atlas.keep_uv", "atlas.texels_per_unit", "kept texture coordinates have their scale already; give `size`"),
+    ("atlas.refine", "uv_sets", "the atlas would show what the UV sets cannot; make two recipes"),
+    ("atlas.refine", "mesh.lods", "each level's atlas would be corrected for itself, and a switch of levels be seen"),
     ("mesh", "exemplar.frames", "a mesh is covered with a still; a flipbook fills a [canvas]"),
     ("exemplar.frames", "exemplar.base_color", "`frames` are the base colour of a flipbook; keep one"),
     ("exemplar.frames", "exemplar.feature_mask", "a flipbook is analysed without a mask; remove it"),
@@ -50,7 +52,7 @@ const RIVALS: [(&str, &str, &str); 37] = [
 ];
 
 /// Keys that only one method reads.
-const METHOD_KEYS: [(&str, &str); 17] = [
+const METHOD_KEYS: [(&str, &str); 18] = [
     ("analysis.neighbourhoods", "jump-map"),
     ("analysis.jumps", "jump-map"),
     ("analysis.variance", "jump-map"),
@@ -58,6 +60,7 @@ const METHOD_KEYS: [(&str, &str); 17] = [
     ("analysis.diversity", "jump-map"),
     ("analysis.min_distance", "jump-map"),
     ("mesh.lods", "jump-map"),
+    ("atlas.refine", "jump-map"),
     ("synthesis.sharpness", "jump-map"),
     ("analysis.window", "texton"),
     ("analysis.count", "texton"),

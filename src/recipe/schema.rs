@@ -7,7 +7,7 @@
 
 use super::limits;
 use super::words::{
-    AlignTo, Blend, CanvasDebug, CanvasOrder, Compression, ImageFormat, MapFile, Method, NormalY, Shading,
+    AlignTo, AtlasFilter, Blend, CanvasDebug, CanvasOrder, Compression, ImageFormat, MapFile, Method, NormalY, Shading,
     SingularityKind, TextonFeatures, TileShape, Unwrap, WalkOrder,
 };
 use schemars::{JsonSchema, Schema};
@@ -649,6 +649,12 @@ pub struct Atlas {
     /// Instead of `unwrap`: the mesh's own texture coordinates; 0 is TEXCOORD_0.
     #[schemars(transform = within(limits::KEEP_UV))]
     pub keep_uv: Option<u32>,
+    /// jump-map: correction passes over the texels of the atlas, across the borders of its charts, after those of
+    /// `synthesis.refine`, so that patches need not meet along the edges of triangles. What UV sets hold does not change.
+    #[schemars(transform = within(limits::REFINE))]
+    pub refine: u32,
+    /// How the sample is interpolated between its texels: "linear" is softer, and what UV sets show.
+    pub filter: AtlasFilter,
 }
 
 impl Default for Atlas {
@@ -664,6 +670,8 @@ impl Default for Atlas {
             mips: true,
             unwrap: None,
             keep_uv: None,
+            refine: 0,
+            filter: AtlasFilter::Cubic,
         }
     }
 }

@@ -112,6 +112,7 @@ seed = 1                                # another number gives another texture o
 size = 2048
 # format = "png"                        # "png", "png16" or "exr"; per map: { normal = "png16" }
 # unwrap = "uvunwrap"                   # or keep_uv = 0 for the mesh's own texture coordinates
+# filter = "cubic"                      # or "linear": softer
 
 # [uv_sets]                             # texture coordinates and weights for a shader, instead of an atlas
 

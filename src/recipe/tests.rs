@@ -150,6 +150,8 @@ fn every_key_arrives() {
             compression: Compression::Best,
             mips: true,
             layout: Layout::Unwrap(Unwrap::Uvunwrap),
+            refine: 0,
+            filter: AtlasFilter::Cubic,
         })
     );
     assert_eq!(bake.uv_sets, Some(UvSets { weld: 0.25 }));
@@ -372,6 +374,17 @@ fn mistakes_are_named_with_place_and_remedy() {
             "texels_per_unit = 10",
             "48:1: `atlas.size` and `atlas.texels_per_unit` exclude \
             each other; each follows from the other; keep one",
+        ),
+        (
+            "mips = true",
+            "mips = true\nrefine = 2",
+            "51:2: `atlas.refine` and [uv_sets] exclude each other; the atlas would show what the UV sets cannot; make \
+            two recipes",
+        ),
+        (
+            "mips = true",
+            "filter = 'nearest'",
+            "47:10: `atlas.filter` can't be \"nearest\": expected \"linear\" or \"cubic\"",
         ),
         ("mips = true", "udim = true", "47:8: this version of kiln can't do `atlas.udim = true` yet: expected false"),
         (

@@ -458,7 +458,20 @@ fn canvas_of(from: schema::Canvas, exemplar: &Exemplar, context: &mut Context) -
 }
 
 fn atlas_of(from: schema::Atlas, exemplar: &Exemplar, context: &mut Context) -> Atlas {
-    let schema::Atlas { size, texels_per_unit, udim, gutter, maps, format, compression, mips, unwrap, keep_uv } = from;
+    let schema::Atlas {
+        size,
+        texels_per_unit,
+        udim,
+        gutter,
+        maps,
+        format,
+        compression,
+        mips,
+        unwrap,
+        keep_uv,
+        refine,
+        filter,
+    } = from;
     if udim {
         context.not_yet("atlas.udim", "true", "false");
     }
@@ -483,6 +496,8 @@ fn atlas_of(from: schema::Atlas, exemplar: &Exemplar, context: &mut Context) -> 
             Some(_) => Layout::KeepUv,
             None => Layout::Unwrap(unwrap.unwrap_or(Unwrap::Uvunwrap)),
         },
+        refine,
+        filter,
     }
 }
 

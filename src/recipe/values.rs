@@ -6,8 +6,8 @@
 
 use super::FramePattern;
 use super::words::{
-    AlignTo, Blend, CanvasDebug, CanvasOrder, Compression, ImageFormat, MapFile, NormalY, Shading, SingularityKind,
-    TextonFeatures, TileShape, Unwrap, WalkOrder,
+    AlignTo, AtlasFilter, Blend, CanvasDebug, CanvasOrder, Compression, ImageFormat, MapFile, NormalY, Shading,
+    SingularityKind, TextonFeatures, TileShape, Unwrap, WalkOrder,
 };
 use crate::numerics::vec::Vec3;
 use crate::texture::MapKind;
@@ -370,6 +370,10 @@ pub struct Atlas {
     pub mips: bool,
     /// Where its texture coordinates come from.
     pub layout: Layout,
+    /// Correction passes over its texels.
+    pub refine: u32,
+    /// How the sample is interpolated between its texels.
+    pub filter: AtlasFilter,
 }
 
 /// How large an atlas is.

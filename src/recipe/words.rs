@@ -49,6 +49,14 @@ words! {
         Hilbert = "hilbert",
     }
 
+    /// How an atlas shows the sample between its texels.
+    AtlasFilter {
+        /// Linearly, as graphics hardware does.
+        Linear = "linear",
+        /// By Catmull-Rom splines: fine detail stays.
+        Cubic = "cubic",
+    }
+
     /// A picture that shows how a canvas came about.
     CanvasDebug {
         /// Where in the exemplar each pixel was copied from, as a colour (\[ZG02\] figure 3).

@@ -8,7 +8,7 @@
 //!   |                                     v
 //!   '----> prepare ---> field ---> synthesise ---> rasterise ---> encode, atlas glb, render
 //!            ^                                        ^
-//! surface ---+--> unwrap -----------------------------'
+//! surface ---+--> unwrap -----------------------------'    between synthesise and rasterise: [refine atlas]
 //!
 //! textons:  maps -> analyse textons; in place of synthesise: quilt -> blend mesh, blend sets, and the mesh of the former
 //!           in place of the prepared one
@@ -37,6 +37,7 @@ pub mod painting;
 pub mod plan;
 mod prepare;
 mod rasterise;
+mod refine_atlas;
 mod render;
 mod report;
 pub mod scenes;

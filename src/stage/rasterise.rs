@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::bake::{self, Atlas, Coverage, bake_map, bake_tile, pack_orm, seam_error, tangents};
+use crate::bake::{self, Atlas, Coverage, Filter, bake_map, bake_tile, pack_orm, seam_error, tangents};
 use crate::build::{Inputs, Step, StepError, Visitor};
 use crate::io::artefact::{Artefact, Damaged, Reader, Writer};
 use crate::io::image_quantise::{Encoding, quantise};
@@ -13,6 +13,7 @@ use crate::texture::{MapKind, MapSet, Texture};
 
 use super::material_space::Source;
 use super::prepare::Prepared;
+use super::refine_atlas::RefinedAtlas;
 use super::synthesise::Synthesised;
 
 /// Name in a bundle of the packed map that glTF wants where the recipe asks for single ones.
@@ -125,11 +126,14 @@ pub(super) fn images(
     Ok(Bundle { images: bundle, figures: BTreeMap::new() })
 }
 
-/// Reads surface, synthesis mesh, corner coordinates, atlas and the maps or the tile.
+/// Reads surface, synthesis mesh, corner coordinates, atlas, the maps or the tile, and what corrected the atlas if
+/// anything did.
 pub(super) struct Rasterise {
     pub recipe: String,
     pub images: Vec<ImageSpec>,
     pub gutter_px: u32,
+    /// How the sample is interpolated where it is magnified.
+    pub filter: Filter,
     /// Side of the page in texels, as far as it is known, for the estimate of memory; not a parameter.
     pub side: u32,
 }
@@ -140,11 +144,12 @@ const PAGE_BYTES: u64 = 16;
 const IMAGE_BYTES: u64 = 36;
 
 impl Step for Rasterise {
-    super::step_identity!("rasterise", 2);
+    super::step_identity!("rasterise", 3);
 
     fn describe(&self, v: &mut dyn Visitor) {
         v.param("images", &self.images);
         v.param("gutter", &self.gutter_px);
+        v.param("filter", &self.filter);
     }
 
     fn memory(&self, inputs: &[u64]) -> u64 {
@@ -158,6 +163,7 @@ impl Step for Rasterise {
         let synthesised: Synthesised = super::read(inputs, 2)?;
         let atlas: Atlas = super::read(inputs, 3)?;
         let source = Source::read(inputs, 4)?;
+        let refined: Option<RefinedAtlas> = (inputs.len() > 5).then(|| super::read(inputs, 5)).transpose()?;
         let tangents = tangents(&surface, &atlas);
         let coverage = Coverage::new(&surface, &prepared.mesh, &atlas, &tangents, self.gutter_px)?;
         let shared = bake::Inputs {
@@ -167,6 +173,8 @@ impl Step for Rasterise {
             coverage: &coverage,
             tangents: &tangents,
             sets: &synthesised.sets,
+            sources: refined.as_ref().map(|r| &r.sources),
+            filter: self.filter,
         };
         let mut figures = BTreeMap::new();
         let mut bundle = images(&self.images, source.first(), true, |kind, map| {

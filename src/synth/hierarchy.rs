@@ -33,6 +33,12 @@ impl Graph {
         }
     }
 
+    /// Any graph: where each node's edges start (and at last their number), where they lead, the offsets along them.
+    pub fn of(starts: Vec<u32>, targets: Vec<u32>, offsets: Vec<Vec2>) -> Self {
+        let vertices = (0..starts.len().saturating_sub(1) as u32).collect();
+        Graph { starts, targets, offsets, vertices, parents: vec![] }
+    }
+
     /// Number of nodes.
     pub fn len(&self) -> usize {
         self.vertices.len()

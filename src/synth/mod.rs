@@ -4,7 +4,7 @@
 //! 4): [`sites`] where triangles are small, a [`vertex_order`] or a [`rendering_sequence`], the [`vertex_walk`], then [`corner`] (or [`layers`]) turns addresses of
 //! vertices into coordinates of corners.
 //! [`image_refine`] and [`vertex_refine`] go beyond the papers: passes, from coarse to fine, in which every neighbour is
-//! known. Without them the result is the published method's.
+//! known. Without them the result is the published method's. [`texel_refine`] does the same for the texels of an atlas.
 //! Meshes by textons (\[MK03\] 3.2 and 3.3): faces are laid flat ([`quilt_frame`]), placed ([`quilt`], by [`texton_string`])
 //! and blended over their edges ([`quilt_blend`]).
 //! Flipbooks: the same in space and time, [`volume_walk`], [`volume_refine`], [`volume_copy`].
@@ -40,6 +40,7 @@ pub mod source_map;
 pub mod source_strips;
 mod surface_cells;
 mod surface_window;
+pub mod texel_refine;
 pub mod texton_string;
 mod usage;
 pub mod vertex_order;

@@ -31,7 +31,8 @@ impl Room {
         }
     }
 
-    fn is_empty(&self) -> bool {
+    /// True if no address is valid.
+    pub fn is_empty(&self) -> bool {
         self.min[0] > self.max[0] || self.min[1] > self.max[1]
     }
 

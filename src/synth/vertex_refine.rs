@@ -63,9 +63,21 @@ pub fn refine(
     if passes == 0 {
         return Ok(address.to_vec());
     }
+    Ok(descend(jumps, metrics, Graph::finest(topology, offsets), &rooms, address, passes))
+}
+
+/// Corrects the addresses of a graph's nodes, all finite, from coarse to fine; each stays in its room, which is not empty.
+pub(super) fn descend(
+    jumps: &JumpMap,
+    metrics: &SeamMetrics,
+    finest: Graph,
+    rooms: &[Room],
+    address: &[Texel],
+    passes: u32,
+) -> Vec<Texel> {
     let room = |v: u32| rooms[v as usize];
-    let mut graphs = vec![Graph::finest(topology, offsets)];
-    let coarsest = f64::from(size[0].min(size[1])) / COARSEST;
+    let mut graphs = vec![finest];
+    let coarsest = f64::from(metrics.size[0].min(metrics.size[1])) / COARSEST;
     loop {
         let next = graphs[graphs.len() - 1].coarser();
         if next.mean_length().is_none_or(|l| l > coarsest) {
@@ -91,7 +103,7 @@ pub fn refine(
             nodes = par::map(graphs[i - 1].len(), continued);
         }
     }
-    Ok(nodes)
+    nodes
 }
 
 struct Level<'a> {

@@ -283,6 +283,8 @@ fn on_surface(bench: &Bench, name: &str, surface: &Surface, set: &MapSet, scale:
         coverage: &coverage,
         tangents: &tangents,
         sets: &sets,
+        sources: None,
+        filter: bake::Filter::Cubic,
     };
     for kind in [MapKind::BaseColor, MapKind::Normal, MapKind::Height] {
         let source = set.get(kind).expect("a map");

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::bake::{Extent, Library, UnwrapParams, default_gutter_px};
+use crate::bake::{Extent, Filter, Library, UnwrapParams, default_gutter_px};
 use crate::build::{InputId, StepId};
 use crate::exemplar::{AnalysisParams, TextonFeatures, TextonParams};
 use crate::field::{
@@ -21,6 +21,7 @@ use super::super::glb::{AtlasGlb, UvSetsGlb};
 use super::super::lod::TakeFromFinest;
 use super::super::prepare::{Prepare, Scale};
 use super::super::rasterise::Rasterise;
+use super::super::refine_atlas::RefineAtlas;
 use super::super::render::{RenderField, RenderSingularities, RenderView};
 use super::super::report::Report;
 use super::super::surface::{ReadSurface, SceneFiles};
@@ -156,8 +157,18 @@ impl Planner<'_, '_> {
             let (layout, gutter_px) = layout(atlas);
             let unwrap = self.step(Unwrap { recipe: recipe.clone(), layout }, &[surface.into()]);
             let images = atlas.maps.iter().map(image_spec).collect();
-            let inputs = [surface, prepare, synthesise, unwrap, maps].map(InputId::from);
-            let bundle = self.step(Rasterise { recipe: recipe.clone(), images, gutter_px, side: side(atlas) }, &inputs);
+            let mut inputs = [surface, prepare, synthesise, unwrap, maps].map(InputId::from).to_vec();
+            let side = side(atlas);
+            if atlas.refine > 0 {
+                let importance = self.recipe.exemplar.importance.iter().copied().collect();
+                let refine = RefineAtlas { recipe: recipe.clone(), passes: atlas.refine, importance, side };
+                let of = [surface, prepare, synthesise, unwrap, analyse, maps].map(InputId::from);
+                inputs.push(self.step(refine, &of).into());
+            }
+            let bundle = self.step(
+                Rasterise { recipe: recipe.clone(), images, gutter_px, filter: filter(atlas.filter), side },
+                &inputs,
+            );
             self.encode(&recipe, &atlas.maps, atlas.compression, bundle, None);
             let glb = AtlasGlb { recipe: recipe.clone(), scene: scene.clone() };
             let inputs = [&files[..], &[surface, unwrap, bundle].map(InputId::from)].concat();
@@ -290,6 +301,13 @@ fn uv_blend(blend: recipe::Blend) -> Blend {
         recipe::Blend::Linear => Blend::Linear,
         recipe::Blend::Variance => Blend::Variance,
         recipe::Blend::None => Blend::Nearest,
+    }
+}
+
+fn filter(filter: recipe::AtlasFilter) -> Filter {
+    match filter {
+        recipe::AtlasFilter::Linear => Filter::Linear,
+        recipe::AtlasFilter::Cubic => Filter::Cubic,
     }
 }
 
