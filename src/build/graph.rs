@@ -41,6 +41,10 @@ pub trait Step: Send + Sync {
     }
     /// Does the work. Runs on the engine's pool; loops of `numerics::par` stay on it.
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError>;
+    /// Whether the work is so long against the bytes that it reads and gives that another machine may better do it.
+    fn travels(&self) -> bool {
+        false
+    }
     /// What the artefact that was just made came with, in numbers, for the trace of the run.
     fn counters(&self, _artefact: &[u8]) -> Vec<(&'static str, u64)> {
         Vec::new()
