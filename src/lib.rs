@@ -52,6 +52,8 @@ pub mod mesh;
 pub mod numerics;
 pub mod param;
 pub mod recipe;
+#[cfg(feature = "remote")]
+pub mod remote;
 pub mod render;
 pub mod stage;
 pub mod synth;

@@ -74,9 +74,14 @@ fn outputs_of_removed_recipes_stay_until_they_are_pruned() {
     project.kiln(&["bake", "-k", "--prune"]).expect(2);
     assert_eq!(project.contents("out"), all, "who knows what the wrong recipe makes");
     std::fs::remove_file(project.path("recipes/wrong.toml")).expect("a file");
+    let planned = project.kiln(&["plan"]).expect(0).out;
+    assert!(planned.contains("dead     out/r1/r1.base_color.png: no recipe makes it"), "{planned}");
+    assert!(
+        project.kiln(&["plan", "--format", "json"]).expect(0).out.contains("\"dead\":[\"out/r1/r1.base_color.png\"")
+    );
     let ran = project.kiln(&["bake", "--prune"]).expect(0);
     assert!(ran.out.contains("removed out/r1/r1.base_color.png"), "{}", ran.out);
-    assert!(project.files("out/r1").is_empty() && !project.files("out/r0").is_empty());
+    assert!(!project.path("out/r1").exists() && !project.files("out/r0").is_empty());
     assert_eq!(project.kiln(&["bake"]).expect(0).err, "");
 }
 

@@ -318,6 +318,11 @@ impl Graph {
         Ok(())
     }
 
+    /// Key of a step with these inputs.
+    pub fn step_key(&self, step: StepId, inputs: &[Bytes]) -> Digest {
+        self.key(step, &inputs.iter().map(|bytes| Digest::of(bytes)).collect::<Vec<Digest>>())
+    }
+
     /// Key of a step whose inputs have these contents: what its artefact is stored under.
     pub(super) fn key(&self, step: StepId, inputs: &[Digest]) -> Digest {
         let mut fields = Fields::new("kiln step");

@@ -12,6 +12,13 @@ use super::cache::Record;
 use super::digest::Digest;
 use super::graph::{Bytes, Graph, Inputs, StepError, StepId};
 
+/// In a worker's folder: what it is to do.
+pub const ORDER: &str = "order";
+/// In a worker's folder: the folder of what the step reads.
+pub const INPUTS: &str = "inputs";
+/// In a worker's folder: what the step gives.
+pub const ARTEFACT: &str = "artefact";
+
 /// A step that may be done elsewhere.
 #[derive(Debug)]
 pub struct Errand<'a> {
@@ -40,8 +47,17 @@ pub trait Remote: Debug + Send + Sync {
     fn execute(&self, errand: &Errand) -> Option<Vec<u8>>;
     /// Gives the others up for the rest of the run, as they said something wrong.
     fn distrust(&self, why: &str);
-    /// Waits until what was to be told is told, unless there is no time for it. Returns what went wrong.
-    fn finish(&self, wait: bool) -> Vec<String>;
+    /// Waits until what was to be told is told, unless there is no time for it.
+    fn finish(&self, wait: bool) -> Finished;
+}
+
+/// How it went with others.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Finished {
+    /// What they did, in a sentence.
+    pub said: Option<String>,
+    /// What went wrong.
+    pub warnings: Vec<String>,
 }
 
 /// Does the step of `graph` that has this key with these inputs: what a worker does. `None` if there is no such step.

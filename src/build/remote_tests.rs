@@ -42,9 +42,9 @@ impl Remote for Others {
     fn distrust(&self, _: &str) {
         self.given_up.store(true, Ordering::SeqCst);
     }
-    fn finish(&self, _: bool) -> Vec<String> {
+    fn finish(&self, _: bool) -> Finished {
         let given_up = self.given_up.swap(false, Ordering::SeqCst);
-        if given_up { vec!["given up".to_string()] } else { Vec::new() }
+        Finished { said: None, warnings: if given_up { vec!["given up".to_string()] } else { Vec::new() } }
     }
 }
 

@@ -108,6 +108,7 @@ fn run_in(world: &World, progress: &dyn Progress) -> Report {
         dead_outputs: found,
         interrupted: false,
         warnings,
+        remote: None,
         elapsed: begun.elapsed(),
     };
     if dry || (to_do == 0 && !survey.moved && gone.is_empty()) {
@@ -129,7 +130,9 @@ fn run_in(world: &World, progress: &dyn Progress) -> Report {
             .push(format!("{path} cannot be written: {error}; the next run has to look at everything again"));
     }
     if let Some(remote) = &world.options.remote {
-        report.warnings.extend(remote.finish(!world.options.interrupt.load(Ordering::Relaxed)));
+        let finished = remote.finish(!world.options.interrupt.load(Ordering::Relaxed));
+        report.warnings.extend(finished.warnings);
+        report.remote = finished.said;
     }
     let changed = world.graph.files.iter().zip(changed).filter(|(_, changed)| *changed);
     report.changed_inputs = changed.map(|(path, _)| path.clone()).collect();
