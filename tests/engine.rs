@@ -85,6 +85,20 @@ fn outputs_of_removed_recipes_stay_until_they_are_pruned() {
     assert_eq!(project.kiln(&["bake"]).expect(0).err, "");
 }
 
+#[cfg(not(feature = "remote"))]
+#[test]
+fn a_kiln_without_servers_says_so() {
+    let project = small_project(1);
+    let ran = project.kiln(&["bake", "--remote", "grpc://farm:8980"]).expect(2);
+    assert!(ran.err.contains("grpc://farm:8980: this kiln cannot ask servers; build it with `--features remote`"));
+    let ran = project.kiln(&["bake", "--remote-execute"]).expect(2);
+    assert!(ran.err.contains("--remote-execute needs a server"), "{}", ran.err);
+    project.write("kiln.toml", "[cache]\nremote = 'grpc://farm:8980'\n");
+    let ran = project.kiln(&["bake"]).expect(0);
+    assert!(ran.err.contains("warning: grpc://farm:8980: this kiln cannot ask servers"), "{}", ran.err);
+    assert_eq!(project.kiln(&["plan", "-v", "--remote", "none"]).expect(0).err, "");
+}
+
 #[test]
 fn nothing_to_do_is_known_by_stamps_alone_and_any_change_is_seen() {
     let project = small_project(3);

@@ -21,11 +21,11 @@ use remote_server::{Fault, Server};
 type Contents = BTreeMap<String, Vec<u8>>;
 
 /// A canvas whose artefacts are too large to travel together with others.
-const LARGE: &str = "[canvas]\nsize = [800, 800]\n[exemplar]\nbase_color = 'e.png'\n[analysis]\nneighbourhoods = [3]\n[synthesis]\nrefine = 0\n";
+const LARGE: &str = "[canvas]\nsize = [640, 640]\n[exemplar]\nbase_color = 'e.png'\n[analysis]\nneighbourhoods = [3]\n[synthesis]\nrefine = 0\n";
 
-/// Three small recipes and a large one, with these lines in `[cache]` of kiln.toml.
+/// Two small recipes and a large one, with these lines in `[cache]` of kiln.toml.
 fn project(settings: &str) -> Project {
-    let project = small_project(3);
+    let project = small_project(2);
     project.write("recipes/large.toml", LARGE);
     project.write("kiln.toml", format!("[cache]\n{settings}\n"));
     project
@@ -108,6 +108,7 @@ fn a_server_that_does_wrong_costs_time_and_nothing_else() {
         Fault::Nonsense,
         Fault::HugeMessage,
         Fault::Stalls,
+        Fault::Slow,
         Fault::Unavailable,
         Fault::RefusesWrites,
         Fault::OtherHash,

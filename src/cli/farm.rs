@@ -23,7 +23,7 @@ pub(super) fn ask(
 ) -> Result<Option<Arc<dyn Remote>>, Stop> {
     let url = global.remote.as_ref().or(settings.url.as_ref());
     match url.filter(|url| *url != "none") {
-        Some(url) => client(global, settings, url, orders).map(Some),
+        Some(url) => client(global, settings, url, orders),
         None if global.remote_execute && global.remote.is_none() => Err(Stop::Usage(
             "--remote-execute needs a server: say --remote, or `remote` in [cache] of kiln.toml".into(),
         )),
@@ -31,10 +31,23 @@ pub(super) fn ask(
     }
 }
 
+/// Whoever asks for a server wants one; a project that has one can be baked without.
 #[cfg(not(feature = "remote"))]
-fn client(_: &Global, _: &recipe::Remote, url: &str, _: impl FnOnce() -> Orders) -> Result<Arc<dyn Remote>, Stop> {
-    let said = "this kiln was built without servers: build it with `--features remote`, or say `--remote none`";
-    Err(Stop::Usage(format!("{url}: {said}")))
+fn client(
+    global: &Global,
+    _: &recipe::Remote,
+    url: &str,
+    _: impl FnOnce() -> Orders,
+) -> Result<Option<Arc<dyn Remote>>, Stop> {
+    use std::io::Write;
+    let said = "this kiln cannot ask servers; build it with `--features remote`";
+    if global.remote.is_some() || global.remote_execute {
+        return Err(Stop::Usage(format!("{url}: {said}")));
+    }
+    if !global.quiet {
+        let _ = writeln!(anstream::stderr(), "warning: {url}: {said}, or say `--remote none`; going on without it");
+    }
+    Ok(None)
 }
 
 #[cfg(feature = "remote")]
@@ -43,7 +56,7 @@ fn client(
     settings: &recipe::Remote,
     url: &str,
     orders: impl FnOnce() -> Orders,
-) -> Result<Arc<dyn Remote>, Stop> {
+) -> Result<Option<Arc<dyn Remote>>, Stop> {
     use crate::recipe::RemoteMode;
     use crate::remote::{Client, Settings, Workshop};
     use std::time::Duration;
@@ -67,7 +80,7 @@ fn client(
         let program = || Real.read(&std::env::current_exe()?, u64::MAX);
         Workshop { order: Box::new(move |step| orders.order(&Real, step)), program: Box::new(program) }
     });
-    Ok(Arc::new(Client::new(settings, workshop)))
+    Ok(Some(Arc::new(Client::new(settings, workshop))))
 }
 
 /// Does one step where this process was started: what a server's worker runs.

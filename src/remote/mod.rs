@@ -46,7 +46,7 @@ const ARTEFACT_LIMIT: i64 = 8 << 30;
 /// A look-up that takes longer than this part of its deadline is slow...
 const SLOW_PART: u32 = 10;
 /// ... and after so many of them a server is given up.
-const SLOW_MOST: u32 = 20;
+const SLOW_MOST: u32 = 10;
 /// After so many steps that workers could not do, none is asked any more.
 const FAILURES: u32 = 3;
 
@@ -83,7 +83,8 @@ pub struct Workshop {
 pub struct Client {
     settings: Settings,
     workshop: Option<Workshop>,
-    program: OnceLock<Option<Blob>>,
+    /// What workers run, once it is there.
+    program: OnceLock<Result<Blob, Trouble>>,
     server: OnceLock<Option<Server>>,
     /// What artefacts are called there, by key.
     names: Mutex<BTreeMap<Digest, re::Digest>>,
@@ -179,18 +180,30 @@ impl Client {
         Ok(bytes)
     }
 
+    fn send(&self, server: &Server, blobs: Vec<Blob>) -> Result<(), Trouble> {
+        let limit = self.transfer_time(blobs.iter().map(|blob| blob.bytes.len() as u64).sum());
+        let store = server.store.clone();
+        let sent = server.link.call(limit, async move { store.upload(blobs).await })?;
+        self.state.count(|counts| counts.up += sent);
+        Ok(())
+    }
+
+    /// Sends kiln itself, once: many steps need it at the same moment.
+    fn send_program(&self, server: &Server, workshop: &Workshop) -> Result<Blob, Trouble> {
+        let bytes = (workshop.program)().map_err(|e| Trouble::Refused(format!("kiln cannot read itself: {e}")))?;
+        let program = Blob::new(bytes.into());
+        self.send(server, vec![program.clone()])?;
+        Ok(program)
+    }
+
     fn work(&self, server: &Server, workshop: &Workshop, errand: &Errand) -> Result<Vec<u8>, Trouble> {
         let refuse = |why: &str| Trouble::Refused(why.to_string());
         let order = (workshop.order)(errand.step).ok_or_else(|| refuse("it cannot be told to workers"))?;
-        let program = || Some(Blob::new((workshop.program)().ok()?.into()));
-        let program = self.program.get_or_init(program).clone().ok_or_else(|| refuse("kiln cannot read itself"))?;
+        let program = self.program.get_or_init(|| self.send_program(server, workshop)).clone()?;
         let inputs = (0..errand.inputs.len()).filter_map(|index| errand.inputs.get(index).cloned()).collect();
         let (platform, seconds) = (self.settings.platform.clone(), self.settings.execute_timeout.as_secs());
         let action = messages::work(errand.key, Work { program, order: order.into(), inputs, platform, seconds });
-        let limit = self.transfer_time(action.blobs.iter().map(|blob| blob.bytes.len() as u64).sum());
-        let store = server.store.clone();
-        let sent = server.link.call(limit, async move { store.upload(action.blobs).await })?;
-        self.state.count(|counts| counts.up += sent);
+        self.send(server, action.blobs)?;
         let request = re::ExecuteRequest {
             instance_name: self.settings.instance.clone(),
             action_digest: Some(action.name),

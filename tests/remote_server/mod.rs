@@ -42,6 +42,8 @@ pub enum Fault {
     HugeMessage,
     /// Answers come after a minute.
     Stalls,
+    /// Answers come after a moment.
+    Slow,
     Unavailable,
     RefusesWrites,
     /// It knows other hashes only.
@@ -134,6 +136,7 @@ impl Service {
         let fault = *self.fault.lock().expect("a lock");
         match fault {
             Fault::Stalls => tokio::time::sleep(Duration::from_secs(60)).await,
+            Fault::Slow => tokio::time::sleep(Duration::from_millis(150)).await,
             Fault::Unavailable => return Err(Status::unavailable("on holiday")),
             _ => {}
         }
