@@ -44,7 +44,7 @@ impl From<Status> for Trouble {
     fn from(status: Status) -> Self {
         let why = || {
             let said = status.message().lines().next().unwrap_or("").trim();
-            let cause = std::error::Error::source(&status).map(|cause| with_causes(cause)).unwrap_or_default();
+            let cause = std::error::Error::source(&status).map(with_causes).unwrap_or_default();
             [&format!("{}", status.code()), said, &cause].iter().filter(|part| !part.is_empty()).fold(
                 String::new(),
                 |text, part| if text.is_empty() { part.to_string() } else { format!("{text}: {part}") },

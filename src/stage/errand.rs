@@ -134,7 +134,7 @@ mod tests {
         let recipe = recipe::parse(Path::new("recipes/r.toml"), RECIPE.as_bytes(), Some(&defaults)).unwrap();
         let (mut graph, mut scenes) = (Graph::new(), Scenes::known(&disk, Clock::stopped(&disk), []));
         let planned = plan::add(&mut graph, &recipe, Path::new("out"), &disk, &mut scenes).unwrap();
-        let orders = Orders::new(&graph, &[planned.clone()], &scenes, Path::new("kiln.toml"));
+        let orders = Orders::new(&graph, std::slice::from_ref(&planned), &scenes, Path::new("kiln.toml"));
         let report = run(&graph, &[], &Options::default(), &disk, &Silent).unwrap();
         let (step, maps) = (planned.steps[1], &report.steps[0]);
         assert_eq!((graph.name(step), maps.name.as_str()), ("r/analyse", "r/maps"));
