@@ -9,7 +9,7 @@
 //!          .-----------.---------+---------.-----------.
 //!        recipe      stage               build       golden
 //!       TOML, faults   one file per step   graph, cache  digest, book, compare
-//!                      |                     |
+//!                      |                     |  '-- remote (feature): servers, workers
 //!   ===================|===== pure from here down: values in, values out =========
 //!   exemplar  field  synth  tile  param  bake  render |   io --- disk
 //!   uvset  texture  mesh  numerics
@@ -27,7 +27,7 @@
 //! - The engine (`build`) knows no texture; the kernels know no engine; `stage` is the only place where they meet.
 //! - `bake` consumes any [`uvset::UvSets`]; it never asks which method made it.
 //! - Each outside crate has one door: clap and signal-hook in `cli`; schemars in `recipe`; image, png, exr and gltf in `io`; rayon in
-//!   `numerics::par` and `build`; tempfile in `disk`; xatlas in `bake`. `tests/architecture.rs` holds the `use` lines to this.
+//!   `numerics::par` and `build`; tempfile in `disk`; xatlas in `bake`; tonic, tokio and their like in `remote`. `tests/architecture.rs` holds the `use` lines to this.
 //! - Only `disk` touches the file system.
 //! - Same inputs give the same bytes for any thread count, profile and CPU: see [`numerics`].
 //!
@@ -52,6 +52,8 @@ pub mod mesh;
 pub mod numerics;
 pub mod param;
 pub mod recipe;
+#[cfg(feature = "remote")]
+pub mod remote;
 pub mod render;
 pub mod stage;
 pub mod synth;

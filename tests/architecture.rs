@@ -20,12 +20,16 @@ const MAY_NAME: &[(&str, &[&str])] = &[
     ("io", &["data", "disk", "exemplar", "field", "synth", "tile", "bake"]),
     ("recipe", &["numerics", "texture"]),
     ("build", &["disk", "numerics"]),
+    ("remote", &["build"]),
     (
         "stage",
         &["data", "exemplar", "field", "synth", "tile", "param", "bake", "render", "io", "disk", "recipe", "build"],
     ),
     ("golden", &["data", "io", "disk"]),
-    ("cli", &["data", "recipe", "stage", "build", "golden", "io", "disk", "exemplar", "field", "synth", "tile"]),
+    (
+        "cli",
+        &["data", "recipe", "stage", "build", "golden", "remote", "io", "disk", "exemplar", "field", "synth", "tile"],
+    ),
 ];
 
 /// Outside crates and the places (path prefixes below `src`) that may name them.
@@ -46,6 +50,11 @@ const DOORS: &[(&str, &[&str])] = &[
     ("libm", &["numerics/det.rs"]),
     ("tempfile", &["disk"]),
     ("blake3", &["build", "golden", "io/gltf"]),
+    ("bazel_remote_apis", &["remote"]),
+    ("prost", &["remote"]),
+    ("sha2", &["remote"]),
+    ("tokio", &["remote"]),
+    ("tonic", &["remote"]),
 ];
 
 fn sources(folder: &Path, out: &mut Vec<PathBuf>) {

@@ -74,10 +74,29 @@ fn outputs_of_removed_recipes_stay_until_they_are_pruned() {
     project.kiln(&["bake", "-k", "--prune"]).expect(2);
     assert_eq!(project.contents("out"), all, "who knows what the wrong recipe makes");
     std::fs::remove_file(project.path("recipes/wrong.toml")).expect("a file");
+    let planned = project.kiln(&["plan"]).expect(0).out;
+    assert!(planned.contains("dead     out/r1/r1.base_color.png: no recipe makes it"), "{planned}");
+    assert!(
+        project.kiln(&["plan", "--format", "json"]).expect(0).out.contains("\"dead\":[\"out/r1/r1.base_color.png\"")
+    );
     let ran = project.kiln(&["bake", "--prune"]).expect(0);
     assert!(ran.out.contains("removed out/r1/r1.base_color.png"), "{}", ran.out);
-    assert!(project.files("out/r1").is_empty() && !project.files("out/r0").is_empty());
+    assert!(!project.path("out/r1").exists() && !project.files("out/r0").is_empty());
     assert_eq!(project.kiln(&["bake"]).expect(0).err, "");
+}
+
+#[cfg(not(feature = "remote"))]
+#[test]
+fn a_kiln_without_servers_says_so() {
+    let project = small_project(1);
+    let ran = project.kiln(&["bake", "--remote", "grpc://farm:8980"]).expect(2);
+    assert!(ran.err.contains("grpc://farm:8980: this kiln cannot ask servers; build it with `--features remote`"));
+    let ran = project.kiln(&["bake", "--remote-execute"]).expect(2);
+    assert!(ran.err.contains("--remote-execute needs a server"), "{}", ran.err);
+    project.write("kiln.toml", "[cache]\nremote = 'grpc://farm:8980'\n");
+    let ran = project.kiln(&["bake"]).expect(0);
+    assert!(ran.err.contains("warning: grpc://farm:8980: this kiln cannot ask servers"), "{}", ran.err);
+    assert_eq!(project.kiln(&["plan", "-v", "--remote", "none"]).expect(0).err, "");
 }
 
 #[test]

@@ -250,6 +250,5 @@ impl<'a> Cache<'a> {
 }
 
 fn digest_of_name(path: &Path) -> Option<Digest> {
-    let hash = blake3::Hash::from_hex(path.file_name()?.to_str()?).ok()?;
-    Some(Digest::from_bytes(*hash.as_bytes()))
+    Digest::from_hex(path.file_name()?.to_str()?)
 }

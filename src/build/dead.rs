@@ -42,12 +42,24 @@ pub(super) fn sweep(world: &World) -> Dead {
         dead.found.push(path.to_path_buf());
         if world.options.prune && !world.options.dry_run {
             match world.disk.remove(path) {
-                Ok(()) => dead.gone.push(name.to_vec()),
+                Ok(()) => {
+                    dead.gone.push(name.to_vec());
+                    remove_emptied(world, path);
+                }
                 Err(error) => dead.warnings.push(format!("{} cannot be removed: {error}", path.display())),
             }
         }
     }
     dead
+}
+
+/// Removes the folders that a removed file leaves empty.
+fn remove_emptied(world: &World, file: &Path) {
+    for folder in file.ancestors().skip(1).take_while(|folder| *folder != Path::new("")) {
+        if !matches!(world.disk.remove_empty(folder), Ok(true)) {
+            return;
+        }
+    }
 }
 
 /// Whether the file is there as kiln wrote it.

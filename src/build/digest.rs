@@ -19,6 +19,11 @@ impl Digest {
         Digest(bytes)
     }
 
+    /// From 64 hexadecimal digits, as it is shown.
+    pub fn from_hex(text: &str) -> Option<Self> {
+        blake3::Hash::from_hex(text).ok().map(|hash| Digest(*hash.as_bytes()))
+    }
+
     /// Its 32 bytes.
     pub fn as_bytes(&self) -> &[u8; 32] {
         &self.0

@@ -41,6 +41,10 @@ pub trait Step: Send + Sync {
     }
     /// Does the work. Runs on the engine's pool; loops of `numerics::par` stay on it.
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError>;
+    /// Whether the work is so long against the bytes that it reads and gives that another machine may better do it.
+    fn travels(&self) -> bool {
+        false
+    }
     /// What the artefact that was just made came with, in numbers, for the trace of the run.
     fn counters(&self, _artefact: &[u8]) -> Vec<(&'static str, u64)> {
         Vec::new()
@@ -312,6 +316,11 @@ impl Graph {
             return Err(GraphError::DuplicateOutput { path, first: of(pair[0].1), second: of(pair[1].1) });
         }
         Ok(())
+    }
+
+    /// Key of a step with these inputs.
+    pub fn step_key(&self, step: StepId, inputs: &[Bytes]) -> Digest {
+        self.key(step, &inputs.iter().map(|bytes| Digest::of(bytes)).collect::<Vec<Digest>>())
     }
 
     /// Key of a step whose inputs have these contents: what its artefact is stored under.

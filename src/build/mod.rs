@@ -7,7 +7,7 @@
 //! ```
 //!
 //! Beside the path: [`seal`] knows a run with nothing to do by stamps alone, `critical` says which steps are urgent, `lend`
-//! takes threads from a make, `dead` finds what should not be there.
+//! takes threads from a make, `dead` finds what should not be there, `remote` is what may help from other machines.
 //!
 //! A step's key is the BLAKE3 of its kind, revision, parameters and its inputs' *contents*; its artefact is stored
 //! under that key. So a step runs only if something that it depends on really differs, and a step that gives the same
@@ -38,6 +38,7 @@ mod lend;
 mod manifest;
 mod options;
 mod plan;
+mod remote;
 mod report;
 mod run;
 mod schedule;
@@ -47,6 +48,8 @@ mod trace;
 
 #[cfg(test)]
 mod history;
+#[cfg(test)]
+mod remote_tests;
 #[cfg(test)]
 mod run_tests;
 #[cfg(test)]
@@ -60,7 +63,8 @@ pub use described::Described;
 pub use digest::Digest;
 pub use graph::{Bytes, Graph, GraphError, InputId, Inputs, Step, StepError, StepId, Visitor};
 pub use options::{Error, Options};
-pub use plan::{PlannedInput, PlannedStep, State, plan, to_dot, to_json};
+pub use plan::{PlannedInput, PlannedStep, State, dead_outputs, plan, to_dot, to_json};
+pub use remote::{ARTEFACT, Errand, Finished, INPUTS, ORDER, Remote, run_step};
 pub use report::{Failure, Outcome, OutputReport, Progress, Report, Silent, StepReport};
 pub use run::{artefacts, run};
 pub use trace::chrome_trace;

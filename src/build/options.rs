@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use super::graph::GraphError;
+use super::remote::Remote;
 use crate::disk::Jobserver;
 
 /// How to plan and run a graph.
@@ -34,6 +35,8 @@ pub struct Options {
     pub interrupt: Arc<AtomicBool>,
     /// Who lends threads beyond the first; without one all `jobs` are ours.
     pub jobserver: Option<Arc<Jobserver>>,
+    /// Who may help from other machines; not asked if steps are forced to run.
+    pub remote: Option<Arc<dyn Remote>>,
     /// Folder of the cache.
     pub cache: PathBuf,
     /// File of the manifest; a file `clock` beside it tells the file system's time.
@@ -57,6 +60,7 @@ impl Default for Options {
             memory: u64::MAX,
             interrupt: Arc::default(),
             jobserver: None,
+            remote: None,
             cache: PathBuf::from(".kiln/cache"),
             manifest: PathBuf::from(".kiln/manifest"),
             hold_bytes: 1 << 30,

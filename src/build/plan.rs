@@ -5,12 +5,13 @@
 //! ```json
 //! {"version": 1, "steps": [
 //!   {"name": "knot/analyse", "kind": "analyse", "state": "run", "reasons": ["`jumps` changed from 3 to 4"],
-//!    "waits_for": [], "inputs": ["knot/decode"], "outputs": []}]}
+//!    "waits_for": [], "inputs": ["knot/decode"], "outputs": []}],
+//!  "dead": ["out/old/old.glb"]}
 //! ```
 //!
 //! `state` is `up-to-date`, `restore` (the artefact is in the cache, outputs are written from it), `run`, `maybe`
 //! (depends on what the steps in `waits_for` give) or `broken` (an input is missing; `reasons` says which). Steps come
-//! in an order in which they can run. `inputs` holds paths of files and names of steps.
+//! in an order in which they can run. `inputs` holds paths of files and names of steps. `dead` are outputs that no recipe makes any more.
 //!
 //! Unaware of: the terminal.
 
@@ -18,6 +19,7 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
+use super::dead::sweep;
 use super::graph::{Graph, Source, StepId};
 use super::options::{Error, Options};
 use super::run::in_world;
@@ -73,6 +75,11 @@ pub fn plan(graph: &Graph, targets: &[StepId], options: &Options, disk: &dyn Dis
     })
 }
 
+/// Outputs of recipes that are gone and that are still there, if the graph is of the whole tree.
+pub fn dead_outputs(graph: &Graph, options: &Options, disk: &dyn Disk) -> Result<Vec<PathBuf>, Error> {
+    in_world(graph, &[], &Options { dry_run: true, ..options.clone() }, disk, |world| sweep(world).found)
+}
+
 fn planned_step(world: &World, index: usize, verdict: Verdict) -> Option<PlannedStep> {
     let graph = world.graph;
     let state = match verdict {
@@ -121,7 +128,7 @@ impl State {
 }
 
 /// The plan as JSON, one line (see the module's text for its fields).
-pub fn to_json(plan: &[PlannedStep]) -> String {
+pub fn to_json(plan: &[PlannedStep], dead: &[PathBuf]) -> String {
     let step = |step: &PlannedStep| {
         let waits_for: &[String] = if let State::Maybe(steps) = &step.state { steps } else { &[] };
         let inputs: Vec<String> = step.inputs.iter().map(PlannedInput::label).collect();
@@ -136,7 +143,8 @@ pub fn to_json(plan: &[PlannedStep]) -> String {
             "outputs": outputs,
         })
     };
-    json!({"version": 1, "steps": plan.iter().map(step).collect::<Vec<Value>>()}).to_string()
+    let dead: Vec<String> = dead.iter().map(|path| path.display().to_string()).collect();
+    json!({"version": 1, "steps": plan.iter().map(step).collect::<Vec<Value>>(), "dead": dead}).to_string()
 }
 
 /// The plan as a graph for `dot`: steps as ellipses, grey when up to date; files as boxes.

@@ -25,6 +25,8 @@ pub struct Report {
     pub interrupted: bool,
     /// What went wrong without harm to the outputs.
     pub warnings: Vec<String>,
+    /// What other machines did, where any were to be asked.
+    pub remote: Option<String>,
     /// Time of the whole run.
     pub elapsed: Duration,
 }

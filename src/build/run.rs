@@ -2,8 +2,8 @@
 //!
 //! Unaware of: what steps do.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use super::books::{Books, Phase, Slot, input_digests};
@@ -69,8 +69,16 @@ pub(super) fn in_world<R: Send>(
     let cache = Cache::new(disk, &options.cache);
     let jobs = options.jobs.max(1);
     let threads = Arc::new(AtomicUsize::new(if options.jobserver.is_some() { 1 } else { jobs }));
-    let world =
-        World { graph, disk, options, cache, manifest, needed: graph.needed(targets), threads: threads.clone() };
+    let world = World {
+        graph,
+        disk,
+        options,
+        cache,
+        manifest,
+        needed: graph.needed(targets),
+        threads: threads.clone(),
+        disowned: Mutex::default(),
+    };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).stack_size(STACK_BYTES).build();
     let pool = pool.map_err(|error| Error::Threads(Box::new(error)))?;
     let one_more = move || {
@@ -100,6 +108,7 @@ fn run_in(world: &World, progress: &dyn Progress) -> Report {
         dead_outputs: found,
         interrupted: false,
         warnings,
+        remote: None,
         elapsed: begun.elapsed(),
     };
     if dry || (to_do == 0 && !survey.moved && gone.is_empty()) {
@@ -108,9 +117,7 @@ fn run_in(world: &World, progress: &dyn Progress) -> Report {
         report_outputs(world, |output| survey.outputs[output].digest(), |_| false, &mut report);
         return report;
     }
-    let work = Work::new(world, &survey, progress, begun);
-    progress.begin(needed - to_do, to_do, work.expected());
-    let books = work.run();
+    let (survey, books) = carry_out(world, &clock, survey, progress, [needed, to_do], begun);
     let changed = changed_files(world, &survey);
     if books.unstored > 0 {
         let (count, path) = (books.unstored, world.options.cache.display());
@@ -121,6 +128,11 @@ fn run_in(world: &World, progress: &dyn Progress) -> Report {
         report
             .warnings
             .push(format!("{path} cannot be written: {error}; the next run has to look at everything again"));
+    }
+    if let Some(remote) = &world.options.remote {
+        let finished = remote.finish(!world.options.interrupt.load(Ordering::Relaxed));
+        report.warnings.extend(finished.warnings);
+        report.remote = finished.said;
     }
     let changed = world.graph.files.iter().zip(changed).filter(|(_, changed)| *changed);
     report.changed_inputs = changed.map(|(path, _)| path.clone()).collect();
@@ -133,6 +145,27 @@ fn run_in(world: &World, progress: &dyn Progress) -> Report {
     report.interrupted = world.options.interrupt.load(Ordering::Relaxed) && !report.is_success();
     report.elapsed = begun.elapsed();
     report
+}
+
+/// Runs what the survey found wanting; from the beginning, if others have said something wrong on the way.
+fn carry_out(
+    world: &World,
+    clock: &Clock,
+    mut seen: Survey,
+    progress: &dyn Progress,
+    [needed, to_do]: [usize; 2],
+    begun: Instant,
+) -> (Survey, Books) {
+    loop {
+        let disowned = world.disowned_count();
+        let work = Work::new(world, &seen, progress, begun);
+        progress.begin(needed - to_do, to_do, work.expected());
+        let books = work.run();
+        if world.disowned_count() == disowned {
+            return (seen, books);
+        }
+        seen = survey(world, clock);
+    }
 }
 
 /// Which input files have another stamp than at the survey.

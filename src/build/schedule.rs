@@ -12,6 +12,9 @@
 //! keeps its stack shallow. Ready steps start by the length of the longest path through them (`critical`), and none while
 //! the next would not fit into memory beside those under way: a step alone has all threads for its loops.
 //!
+//! What the cache does not know, other machines may (`remote`). Their word is enough for the steps after it; the bytes are
+//! fetched when a step reads them or an output needs them.
+//!
 //! Only bytes of the surveyed digest are given to a step, so a file that changes meanwhile cannot get a wrong artefact
 //! into the cache.
 //!
@@ -30,6 +33,7 @@ use super::digest::Digest;
 use super::explain;
 use super::graph::{Bytes, Inputs, Node, Source, StepId};
 use super::manifest::FileRecord;
+use super::remote::Errand;
 use super::report::{Failure, Outcome, Progress, StepReport};
 use super::survey::{Artefact, Survey, Verdict, World, find_artefact, stale_outputs};
 
@@ -66,6 +70,20 @@ enum End {
         failure: Failure,
         reasons: Vec<String>,
     },
+    /// Others said something wrong of this step, and who knows what was made of that: the run begins again.
+    Misled,
+}
+
+/// Why a step gave no artefact.
+enum Unmade {
+    Failed(Failure),
+    Misled,
+}
+
+impl From<Failure> for Unmade {
+    fn from(failure: Failure) -> Self {
+        Unmade::Failed(failure)
+    }
 }
 
 impl<'a> Work<'a> {
@@ -146,11 +164,12 @@ impl<'a> Work<'a> {
             _ => vec![explain::LOST.to_string()],
         };
         if !rebuild && !self.world.options.force {
-            expected = find_artefact(self.world, step, &key);
+            expected = find_artefact(self.world, step, &key).or_else(|| self.told(&key));
         }
-        if let Some(artefact) = expected.filter(|_| !rebuild) {
+        // What is to be made again is lost here; others may have it.
+        if let Some(artefact) = expected.filter(|_| !rebuild || self.world.remote().is_some()) {
             let stale = stale_outputs(self.world, &self.survey.outputs, step, &artefact.digest);
-            if stale.is_empty() {
+            if stale.is_empty() && !rebuild {
                 return End::Done { artefact, bytes: None, outcome: Outcome::UpToDate, reasons: Vec::new() };
             }
             if let Some(bytes) = self.artefact_bytes(step, artefact) {
@@ -171,7 +190,8 @@ impl<'a> Work<'a> {
         match self.gather(step, &inputs) {
             Ok(Ok(given)) => match self.make(step, &key, given, expected, &reasons) {
                 Ok((artefact, bytes)) => End::Done { artefact, bytes: Some(bytes), outcome: Outcome::Ran, reasons },
-                Err(failure) => End::Failed { failure, reasons },
+                Err(Unmade::Failed(failure)) => End::Failed { failure, reasons },
+                Err(Unmade::Misled) => End::Misled,
             },
             Ok(Err(lost)) => End::Lost(lost),
             Err(failure) => End::Failed { failure, reasons },
@@ -216,13 +236,38 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// Bytes of an artefact, from memory or from the cache.
+    /// What others say that `key` gives. It is not kept here before its bytes are.
+    fn told(&self, key: &Digest) -> Option<Artefact> {
+        let Record { artefact, len, wall_ms } = self.world.remote()?.record(key)?;
+        (len <= self.world.options.file_limit).then_some(Artefact { digest: artefact, len, wall_ms })
+    }
+
+    /// Bytes of an artefact from others; from then on the cache has them.
+    fn fetch(&self, step: StepId, artefact: Artefact) -> Option<Bytes> {
+        let remote = self.world.remote()?;
+        let inputs = input_digests(self.world, self.survey, &self.lock().slots, step)?;
+        let key = self.world.graph.key(step, &inputs);
+        let record = Record { artefact: artefact.digest, len: artefact.len, wall_ms: artefact.wall_ms };
+        let bytes = Bytes::from(remote.load(&key, &record)?);
+        if Digest::of(&bytes) != artefact.digest {
+            remote.distrust("it gave other bytes than it had promised");
+            return None;
+        }
+        // Without it they are asked for again.
+        let _ = self.world.cache.store(&key, &record, &bytes);
+        Some(bytes)
+    }
+
+    /// Bytes of an artefact, from memory, from the cache or from others.
     fn artefact_bytes(&self, step: StepId, artefact: Artefact) -> Option<Bytes> {
         let held = self.lock().held(step);
         if held.is_some() {
             return held;
         }
-        let bytes = Bytes::from(self.world.cache.load(&artefact.digest, artefact.len)?);
+        let bytes = match self.world.cache.load(&artefact.digest, artefact.len) {
+            Some(bytes) => Bytes::from(bytes),
+            None => self.fetch(step, artefact)?,
+        };
         self.lock().hold(step, &bytes, self.world.options.hold_bytes);
         Some(bytes)
     }
@@ -235,23 +280,39 @@ impl<'a> Work<'a> {
         inputs: Inputs,
         expected: Option<Artefact>,
         reasons: &[String],
-    ) -> Result<(Artefact, Bytes), Failure> {
+    ) -> Result<(Artefact, Bytes), Unmade> {
         let node = &self.world.graph.nodes[step.index()];
         self.progress.start(&node.name, reasons);
         let begun = Instant::now();
-        let bytes = run_caught(node, &inputs)?;
+        let errand = Errand { step, name: &node.name, key, inputs: &inputs };
+        let remote = self.world.remote();
+        let bytes = match remote.filter(|_| node.step.travels()).and_then(|remote| remote.execute(&errand)) {
+            Some(bytes) => Bytes::from(bytes),
+            None => run_caught(node, &inputs)?,
+        };
         drop(inputs);
         let wall_ms = begun.elapsed().as_millis() as u64;
         let artefact = Artefact { digest: Digest::of(&bytes), len: bytes.len() as u64, wall_ms };
         let record = Record { artefact: artefact.digest, len: artefact.len, wall_ms };
+        let before = expected.filter(|before| before.digest != artefact.digest);
+        let ours = |before: Artefact| self.world.cache.record(key).is_some_and(|r| r.artefact == before.digest);
+        if let (Some(remote), Some(_)) = (&self.world.options.remote, before.filter(|before| !ours(*before))) {
+            remote.distrust("it knew of another result than this step has");
+            self.world.disown(key);
+        }
         match self.world.cache.store(key, &record, &bytes) {
             // Somebody else fills it. What is lost for want of room in memory is made again.
             Err(error) if is_forbidden(&error) => self.lock().unstored += 1,
-            Err(source) => return Err(Failure::Write { what: "the cache".to_string(), source }),
+            Err(source) => return Err(Failure::Write { what: "the cache".to_string(), source }.into()),
             Ok(()) => {}
         }
-        if let Some(before) = expected.filter(|before| before.digest != artefact.digest) {
-            return Err(Failure::NotDeterministic { before: before.digest, now: artefact.digest });
+        if let Some(before) = before {
+            let not_deterministic = Failure::NotDeterministic { before: before.digest, now: artefact.digest };
+            let misled = self.world.disowns(key);
+            return Err(if misled { Unmade::Misled } else { not_deterministic.into() });
+        }
+        if let Some(remote) = remote {
+            remote.store(key, &record, &bytes);
         }
         let stale = stale_outputs(self.world, &self.survey.outputs, step, &artefact.digest);
         self.write_outputs(&stale, artefact, &bytes)?;
@@ -282,6 +343,10 @@ impl<'a> Work<'a> {
         books.memory -= memory;
         let (artefact, outcome, reasons) = match end {
             End::Lost(inputs) => return books.wait_for_rebuilds(self.world, step, &inputs),
+            End::Misled => {
+                books.stopped = true;
+                return;
+            }
             End::Done { artefact, bytes, outcome, reasons } => {
                 books.done(self.world, step, artefact, bytes);
                 (Some(artefact), outcome, reasons)

@@ -10,11 +10,11 @@
 //!
 //! Unaware of: threads of the schedule, running.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::AtomicUsize;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::cache::{Cache, Record};
 use super::digest::Digest;
@@ -22,6 +22,7 @@ use super::explain;
 use super::graph::{Graph, Source, StepId};
 use super::manifest::{FileRecord, Manifest};
 use super::options::Options;
+use super::remote::Remote;
 use crate::disk::{Clock, Disk, Stamp};
 use crate::numerics::par;
 
@@ -35,6 +36,31 @@ pub(super) struct World<'a> {
     pub needed: Vec<bool>,
     /// How many threads there are by now: a jobserver lends them one by one.
     pub threads: Arc<AtomicUsize>,
+    /// Keys of which others said something wrong: what the manifest has of them is theirs and not believed.
+    pub disowned: Mutex<BTreeSet<Digest>>,
+}
+
+impl World<'_> {
+    /// Who may help from other machines, as long as they are right.
+    pub fn remote(&self) -> Option<&dyn Remote> {
+        let asked = self.options.remote.as_deref().filter(|_| !self.options.force);
+        asked.filter(|_| self.disowned_count() == 0)
+    }
+
+    /// How many keys are disowned.
+    pub fn disowned_count(&self) -> usize {
+        self.disowned.lock().unwrap_or_else(PoisonError::into_inner).len()
+    }
+
+    /// Believes no more what others said of `key`.
+    pub fn disown(&self, key: &Digest) {
+        self.disowned.lock().unwrap_or_else(PoisonError::into_inner).insert(*key);
+    }
+
+    /// Whether what the manifest has of `key` came from others and was wrong.
+    pub fn disowns(&self, key: &Digest) -> bool {
+        self.disowned.lock().unwrap_or_else(PoisonError::into_inner).contains(key)
+    }
 }
 
 /// A file as it was found.
@@ -245,7 +271,8 @@ fn judge_by_key(world: &World, survey: &mut Survey, step: StepId, inputs: &[Dige
 
 /// The artefact that `key` gave before, by the manifest or by the cache.
 pub(super) fn find_artefact(world: &World, step: StepId, key: &Digest) -> Option<Artefact> {
-    if let Some(record) = world.manifest.step(world.graph, step).filter(|record| record.key == *key) {
+    let recorded = world.manifest.step(world.graph, step).filter(|record| record.key == *key);
+    if let Some(record) = recorded.filter(|_| !world.disowns(key)) {
         return Some(Artefact { digest: record.artefact, len: record.len, wall_ms: record.wall_ms });
     }
     let of = |record: Record| Artefact { digest: record.artefact, len: record.len, wall_ms: record.wall_ms };

@@ -561,8 +561,9 @@ fn plan_as_json_and_dot() {
     let (graph, disk) = built();
     disk.put("a.txt", "fern");
     let plan = plan(&graph, &[], &options(1), &disk).unwrap();
-    let json: serde_json::Value = serde_json::from_str(&to_json(&plan)).unwrap();
+    let json: serde_json::Value = serde_json::from_str(&to_json(&plan, &[PathBuf::from("out/old")])).unwrap();
     assert_eq!(json["version"], 1);
+    assert_eq!(json["dead"][0], "out/old");
     let expected = serde_json::json!({
         "name": "join", "kind": "concat", "state": "maybe", "reasons": [], "waits_for": ["upper a"],
         "inputs": ["upper a", "upper b"], "outputs": ["out/join.txt"],

@@ -4,7 +4,7 @@
 //! Unaware of: what the verbs do.
 
 use super::synth_inputs::Control;
-use crate::recipe::{Blend, BlendSize, CanvasDebug, CanvasOrder, Word, limits};
+use crate::recipe::{self, Blend, BlendSize, CanvasDebug, CanvasOrder, RemoteMode, Word, limits};
 use clap::builder::{PossibleValuesParser, TypedValueParser, ValueParser};
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum, ValueHint};
 use std::num::NonZeroUsize;
@@ -55,6 +55,15 @@ pub struct Global {
     /// Keep what steps gave in this folder; default: what kiln.toml says, else .kiln/cache
     #[arg(long, value_name = "DIR", global = true, value_hint = ValueHint::DirPath)]
     pub cache: Option<PathBuf>,
+    /// Ask this server for what is not there, such as grpc://farm:8980; default: what kiln.toml says. "none": nobody
+    #[arg(long, value_name = "URL", global = true, value_parser = server)]
+    pub remote: Option<String>,
+    /// Whether results from here are stored on the server, too; default: what kiln.toml says, else read-write
+    #[arg(long, value_name = "MODE", global = true, value_parser = word::<RemoteMode>())]
+    pub remote_mode: Option<RemoteMode>,
+    /// Have long steps done by the server's workers
+    #[arg(long, global = true)]
+    pub remote_execute: bool,
     /// Keep going when a recipe fails or is wrong
     #[arg(short, long, global = true)]
     pub keep_going: bool,
@@ -181,6 +190,9 @@ Examples:
   kiln cache trim --max-size 20GiB --max-age 30d
   kiln cache export for-the-farm")]
     Cache(Cache),
+    /// Do one step of a recipe, as a worker: reads ./order and ./inputs, writes ./artefact
+    #[command(hide = true, after_help = "Example:\n  kiln step KEY")]
+    Step(Step),
     /// Print the JSON Schema of recipes, for editors
     #[command(after_help = "\
 Example:
@@ -434,6 +446,13 @@ pub enum CacheVerb {
     Clear,
 }
 
+/// `kiln step`.
+#[derive(Clone, Debug, Args)]
+pub struct Step {
+    /// Key of the step, in hexadecimal.
+    pub key: String,
+}
+
 /// `kiln shader`.
 #[derive(Clone, Copy, Debug, Args)]
 pub struct Shader {
@@ -485,6 +504,11 @@ fn measure(text: &str, units: &[(&str, u64)], form: &str) -> Result<u64, String>
     let (unit, factor) = units.iter().find(|(unit, _)| text.ends_with(unit)).ok_or_else(form)?;
     let number: u64 = text[..text.len() - unit.len()].trim_end().parse().map_err(|_| form())?;
     number.checked_mul(*factor).ok_or_else(form)
+}
+
+fn server(text: &str) -> Result<String, String> {
+    let form = || "expected grpc://host:port, grpcs://host:port or none".to_string();
+    if text == "none" || recipe::is_address(text) { Ok(text.to_string()) } else { Err(form()) }
 }
 
 fn bytes(text: &str) -> Result<u64, String> {
@@ -608,6 +632,8 @@ mod tests {
             "kiln bak",
             "kiln bake a.toml --prune",
             "kiln bake --memory 8",
+            "kiln bake --remote farm:8980",
+            "kiln bake --remote-mode write",
             "kiln cache trim --max-age 5y",
             "kiln cache trim --max-size -1B",
             "kiln cache trim --max-size 99999999TiB",

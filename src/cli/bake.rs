@@ -59,6 +59,9 @@ pub(super) fn build(global: &Global, loaded: &Loaded) -> Result<Report, Stop> {
     for path in &report.changed_inputs {
         say(&format!("warning: {} changed during the bake; run again", path.display()));
     }
+    if let Some(said) = report.remote.as_ref().filter(|_| !global.quiet) {
+        say(said);
+    }
     if !loaded.options.prune && !report.dead_outputs.is_empty() {
         let few: Vec<String> = report.dead_outputs.iter().take(3).map(|path| path.display().to_string()).collect();
         let and = if report.dead_outputs.len() > few.len() { ", ..." } else { "" };

@@ -7,6 +7,7 @@ pub mod args;
 mod bake;
 mod cache;
 mod check;
+mod farm;
 mod init;
 mod inspect;
 mod interrupt;
@@ -81,6 +82,7 @@ pub fn main() -> ExitCode {
         Verb::Init(init) => init::run(global, init),
         Verb::Inspect(inspect) => inspect::run(global, inspect),
         Verb::Cache(cache) => cache::run(global, cache),
+        Verb::Step(step) => farm::step(&step.key),
         Verb::Schema => Done::ok(crate::recipe::json_schema() + "\n"),
         Verb::Shader(language) => shader::run(language.language),
         Verb::Completions(completions) => {

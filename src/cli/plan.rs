@@ -28,6 +28,8 @@ pub(super) fn run(global: &Global, plan: &Plan) -> Result<Done, Stop> {
 pub(super) fn show(global: &Global, loaded: &Loaded, graph: bool) -> Result<Done, Stop> {
     let steps = build::plan(&loaded.graph, &[], &loaded.options, &Real)
         .map_err(|e| Stop::Failed(super::bake::with_causes(&e)))?;
+    let dead = build::dead_outputs(&loaded.graph, &loaded.options, &Real);
+    let dead = dead.map_err(|e| Stop::Failed(super::bake::with_causes(&e)))?;
     let mut success = loaded.broken.is_empty();
     if graph || global.format != Format::Text {
         for (_, why) in &loaded.broken {
@@ -39,7 +41,7 @@ pub(super) fn show(global: &Global, loaded: &Loaded, graph: bool) -> Result<Done
         return Ok(Done { text: to_dot(&steps), success });
     }
     if global.format == Format::Json {
-        return Ok(Done { text: to_json(&steps) + "\n", success });
+        return Ok(Done { text: to_json(&steps, &dead) + "\n", success });
     }
     if global.format == Format::Ninja {
         return Ok(Done { text: ninja(global, loaded), success });
@@ -56,6 +58,9 @@ pub(super) fn show(global: &Global, loaded: &Loaded, graph: bool) -> Result<Done
         };
         success &= !matches!(step.state, State::Broken(_));
         text += &format!("{:8} {}{}{why}\n", step.state.word(), step.name, if why.is_empty() { "" } else { ": " });
+    }
+    for path in &dead {
+        text += &format!("dead     {}: no recipe makes it; `kiln bake --prune` removes it\n", path.display());
     }
     if text.is_empty() {
         text = nothing_to_do(steps.len() as u64);

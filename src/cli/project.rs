@@ -9,12 +9,13 @@ use crate::build::{Graph, Options};
 use crate::disk::{Clock, Disk, Jobserver, Real, Stamp, machine_memory};
 use crate::numerics::par;
 use crate::recipe::{self, Project, Recipe};
+use crate::stage::errand::Orders;
 use crate::stage::plan::{self, Planned};
 use crate::stage::scenes::Scenes;
 
 use super::args::Global;
 use super::marker::Marker;
-use super::{Stop, interrupt, jobs};
+use super::{Stop, farm, interrupt, jobs};
 
 /// Where outputs go, below the project's folder.
 pub(super) const OUT: &str = "out";
@@ -104,6 +105,9 @@ pub(super) fn load_into(global: &Global, wanted: &[PathBuf], out: &Path) -> Resu
         let _ = scenes.save(&own.join("scenes"), loaded.options.whole_tree);
     }
     loaded.recipes = recipes;
+    loaded.options.remote = farm::ask(global, &project.cache.remote, || {
+        Orders::new(&loaded.graph, &loaded.planned, &scenes, Path::new(SETTINGS))
+    })?;
     Ok(loaded)
 }
 

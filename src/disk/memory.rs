@@ -150,6 +150,10 @@ impl Disk for Memory {
         Ok(())
     }
 
+    fn remove_empty(&self, _: &Path) -> io::Result<bool> {
+        Ok(false) // Folders are there while files are in them.
+    }
+
     fn list(&self, folder: &Path) -> io::Result<Vec<PathBuf>> {
         let state = self.begin(Op::List, folder)?;
         match state.files.contains_key(folder) {

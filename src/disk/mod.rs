@@ -97,6 +97,8 @@ pub trait Disk: Send + Sync {
     fn touch(&self, path: &Path) -> io::Result<()>;
     /// Removes a file; no error if it is not there.
     fn remove(&self, path: &Path) -> io::Result<()>;
+    /// Removes a folder that has nothing in it; says whether there was such a folder.
+    fn remove_empty(&self, folder: &Path) -> io::Result<bool>;
     /// Files below a folder (recursively, not through links to folders), sorted; empty if there is no such folder.
     fn list(&self, folder: &Path) -> io::Result<Vec<PathBuf>>;
     /// Takes the advisory lock that the file at `path` stands for, making the file where it is missing; `None` if
@@ -153,6 +155,7 @@ mod tests {
         disk.write(&at("a.txt"), b"").unwrap();
         assert_eq!(disk.list(&at("a")).unwrap(), [at("a/b"), at("a/c/d")]);
         disk.remove(&at("a/b")).unwrap();
+        assert!(!disk.remove_empty(&at("a")).unwrap() && !disk.remove_empty(&at("a/c")).unwrap());
         assert_eq!(disk.list(root).unwrap(), [at("a/c/d"), at("a.txt")]);
 
         let held = disk.try_lock(&at("locks/one")).unwrap();

@@ -89,6 +89,14 @@ impl Disk for Real {
         }
     }
 
+    fn remove_empty(&self, folder: &Path) -> io::Result<bool> {
+        match fs::remove_dir(folder) {
+            Ok(()) => Ok(true),
+            Err(e) if matches!(e.kind(), ErrorKind::DirectoryNotEmpty | ErrorKind::NotFound) => Ok(false),
+            Err(e) => Err(e),
+        }
+    }
+
     fn list(&self, folder: &Path) -> io::Result<Vec<PathBuf>> {
         let mut files = Vec::new();
         let mut folders = vec![folder.to_path_buf()];

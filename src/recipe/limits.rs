@@ -6,6 +6,8 @@ use std::ops::RangeInclusive;
 
 /// Largest recipe or `kiln.toml`, in bytes.
 pub const FILE_BYTES: u64 = 1 << 20;
+/// Longest times for a server, in seconds.
+pub const REMOTE_TIMEOUT: RangeInclusive<u64> = 1..=86_400;
 /// Sides of a canvas, in texels: where GPUs end.
 pub const CANVAS_SIDE: RangeInclusive<u32> = 1..=16384;
 /// Frames of an output flipbook.

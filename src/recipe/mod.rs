@@ -16,6 +16,7 @@ mod frame_pattern;
 mod hint;
 mod json_schema;
 pub mod limits;
+mod project;
 mod rules;
 mod samples;
 mod schema;
@@ -29,6 +30,7 @@ mod words;
 pub use fault::{Fault, Faults};
 pub use frame_pattern::{FrameError, FramePattern};
 pub use json_schema::json_schema;
+pub use project::is_address;
 pub use template::{Starter, guess_map, is_feature_mask, template};
 pub use values::*;
 pub use words::*;
@@ -89,10 +91,9 @@ pub fn parse_project(path: &Path, bytes: &[u8]) -> Result<Project, Faults> {
         _ => Table::new(),
     };
     let folder = path.parent().unwrap_or(Path::new(""));
-    let cache = deserialise(&tree, &mut findings).map(|from| {
-        let schema::Project { defaults: _, cache: schema::Cache { path, max_size } } = from;
+    let cache = deserialise(&tree, &mut findings).map(|from: schema::Project| {
         let mut context = validate::Context { tree: &tree, sources: &sources, folder, findings: &mut findings };
-        Cache { path: path.map(|written| context.file("cache.path", written)), max_size }
+        project::cache(from.cache, &mut context)
     });
     match cache {
         Some(cache) if findings.is_empty() => {

@@ -7,8 +7,8 @@
 
 use super::limits;
 use super::words::{
-    AlignTo, AtlasFilter, Blend, CanvasDebug, CanvasOrder, Compression, ImageFormat, MapFile, Method, NormalY, Shading,
-    SingularityKind, TextonFeatures, TileShape, Unwrap, WalkOrder,
+    AlignTo, AtlasFilter, Blend, CanvasDebug, CanvasOrder, Compression, ImageFormat, MapFile, Method, NormalY,
+    RemoteMode, Shading, SingularityKind, TextonFeatures, TileShape, Unwrap, WalkOrder,
 };
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
@@ -796,4 +796,22 @@ pub struct Cache {
     /// The cache is trimmed to so many bytes. Default: no bound.
     #[schemars(range(min = 0))]
     pub max_size: Option<u64>,
+    /// A server of the Remote Execution API v2 that is asked for what is not in the folder: "grpc://host:port", or
+    /// "grpcs://host:port" for TLS. A token goes into the environment variable KILN_REMOTE_HEADER, as "name: value".
+    #[schemars(transform = filled)]
+    pub remote: Option<String>,
+    /// The server's instance. Default: its default one.
+    pub remote_instance: String,
+    /// Whether results are stored there, too. Default: "read-write".
+    pub remote_mode: Option<RemoteMode>,
+    /// Have long steps done by the server's workers. Default: false.
+    pub remote_execute: bool,
+    /// Longest time for an answer, in seconds. Default: 10.
+    #[schemars(transform = within(limits::REMOTE_TIMEOUT))]
+    pub remote_timeout: Option<u64>,
+    /// Longest time for a step on a worker, waiting for one included, in seconds. Default: 600.
+    #[schemars(transform = within(limits::REMOTE_TIMEOUT))]
+    pub remote_execute_timeout: Option<u64>,
+    /// What kind of machine a worker has to be, in the server's own words, such as ["OSFamily=linux", "ISA=x86-64"].
+    pub remote_platform: Vec<String>,
 }

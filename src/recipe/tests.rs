@@ -686,6 +686,33 @@ fn defaults_lie_under_a_recipe_key_by_key() {
 }
 
 #[test]
+fn a_server_is_said_in_the_cache() {
+    let of = |text: &str| parse_project(Path::new("kiln.toml"), text.as_bytes()).map(|project| project.cache.remote);
+    assert_eq!(of("").unwrap_or_else(|f| panic!("{f}")), Remote::default());
+    let text = "[cache]\nremote = 'grpc://farm:8980'\nremote_instance = 'art'\nremote_mode = 'read'\n\
+                remote_execute = true\nremote_timeout = 3\nremote_platform = ['OSFamily=linux', 'ISA = x86-64']\n";
+    let remote = of(text).unwrap_or_else(|f| panic!("{f}"));
+    assert_eq!((remote.url.as_deref(), remote.instance.as_str()), (Some("grpc://farm:8980"), "art"));
+    assert_eq!((remote.mode, remote.execute, remote.timeout), (RemoteMode::Read, true, 3));
+    assert_eq!(remote.platform, [("OSFamily", "linux"), ("ISA", "x86-64")].map(|(n, v)| (n.into(), v.into())));
+    let faults =
+        of("[cache]\nremote = 'farm:8980'\nremote_timeout = 0\nremote_mode = 'write'\nremote_platform = ['linux']\n");
+    let faults = faults.expect_err("four mistakes").to_string();
+    for said in [
+        "`cache.remote_timeout` can't be 0: expected a whole number from 1 to 86400",
+        "expected \"read\" or \"read-write\"",
+    ] {
+        assert!(faults.contains(said), "{faults}");
+    }
+    let faults = of("[cache]\nremote = 'farm:8980'\nremote_platform = ['linux']\n").expect_err("two").to_string();
+    assert!(
+        faults.contains("kiln.toml:2:10: `cache.remote` can't be \"farm:8980\": expected \"grpc://host:port\""),
+        "{faults}"
+    );
+    assert!(faults.contains("`cache.remote_platform[0]` can't be \"linux\": expected \"name=value\""), "{faults}");
+}
+
+#[test]
 fn mistakes_in_defaults_point_into_kiln_toml() {
     let of = |text: &str| parse_project(Path::new("kiln.toml"), text.as_bytes()).map_err(|f| f.to_string());
     assert_eq!(

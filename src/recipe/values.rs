@@ -6,8 +6,8 @@
 
 use super::FramePattern;
 use super::words::{
-    AlignTo, AtlasFilter, Blend, CanvasDebug, CanvasOrder, Compression, ImageFormat, MapFile, NormalY, Shading,
-    SingularityKind, TextonFeatures, TileShape, Unwrap, WalkOrder,
+    AlignTo, AtlasFilter, Blend, CanvasDebug, CanvasOrder, Compression, ImageFormat, MapFile, NormalY, RemoteMode,
+    Shading, SingularityKind, TextonFeatures, TileShape, Unwrap, WalkOrder,
 };
 use crate::numerics::vec::Vec3;
 use crate::texture::MapKind;
@@ -447,4 +447,39 @@ pub struct Cache {
     pub path: Option<FileRef>,
     /// The cache is trimmed to so many bytes; `None`: no bound.
     pub max_size: Option<u64>,
+    /// Who is asked beside.
+    pub remote: Remote,
+}
+
+/// A server of the Remote Execution API.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Remote {
+    /// `grpc://host:port` or `grpcs://host:port`; `None`: nobody is asked.
+    pub url: Option<String>,
+    /// The server's instance.
+    pub instance: String,
+    /// Whether results are stored there.
+    pub mode: RemoteMode,
+    /// Whether workers do steps.
+    pub execute: bool,
+    /// Longest time for an answer, in seconds.
+    pub timeout: u64,
+    /// Longest time for a step on a worker, in seconds.
+    pub execute_timeout: u64,
+    /// What kind of machine a worker has to be: names and values.
+    pub platform: Vec<(String, String)>,
+}
+
+impl Default for Remote {
+    fn default() -> Self {
+        Remote {
+            url: None,
+            instance: String::new(),
+            mode: RemoteMode::ReadWrite,
+            execute: false,
+            timeout: 10,
+            execute_timeout: 600,
+            platform: Vec::new(),
+        }
+    }
 }

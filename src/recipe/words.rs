@@ -39,6 +39,14 @@ macro_rules! words {
 }
 
 words! {
+    /// What a server of the Remote Execution API is used for.
+    RemoteMode {
+        /// Results are taken from there.
+        Read = "read",
+        /// Results are taken from there, and those made here are stored there.
+        ReadWrite = "read-write",
+    }
+
     /// In which order a flat image is walked (\[ZG02\] section 3.2).
     CanvasOrder {
         /// Row by row, left to right.

@@ -100,7 +100,7 @@ pub(super) struct Parametrise {
 }
 
 impl Step for Parametrise {
-    super::step_identity!("parametrise", 1);
+    super::step_identity!("parametrise", 1, travels);
 
     fn describe(&self, _: &mut dyn Visitor) {}
 

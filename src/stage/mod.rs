@@ -27,6 +27,7 @@ mod canvas;
 pub mod compare;
 pub(crate) mod control;
 mod encode;
+pub mod errand;
 mod field;
 mod flipbook;
 mod glb;
@@ -62,8 +63,16 @@ fn file_name(label: &str) -> &str {
     label.rsplit(['/', '\\']).next().unwrap_or(label)
 }
 
-/// Implements the fixed parts of a step: its kind, its revision and its name `recipe/what`.
+/// Implements the fixed parts of a step: its kind, its revision and its name `recipe/what`; and that workers may do it, if its
+/// work takes a second or so for every few megabytes that it reads and gives.
 macro_rules! step_identity {
+    ($kind:literal, $revision:literal, travels) => {
+        super::step_identity!($kind, $revision);
+
+        fn travels(&self) -> bool {
+            true
+        }
+    };
     ($kind:literal, $revision:literal) => {
         fn name(&self) -> String {
             format!("{}/{}", self.recipe, $kind)

@@ -144,7 +144,7 @@ const PAGE_BYTES: u64 = 16;
 const IMAGE_BYTES: u64 = 36;
 
 impl Step for Rasterise {
-    super::step_identity!("rasterise", 3);
+    super::step_identity!("rasterise", 3, travels);
 
     fn describe(&self, v: &mut dyn Visitor) {
         v.param("images", &self.images);

@@ -82,6 +82,10 @@ macro_rules! view_identity {
         fn revision(&self) -> u32 {
             $revision
         }
+
+        fn travels(&self) -> bool {
+            true
+        }
     };
 }
 

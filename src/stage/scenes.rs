@@ -57,6 +57,21 @@ impl<'a> Scenes<'a> {
         Scenes { disk, clock, asked: BTreeMap::new(), saved, news: false }
     }
 
+    /// With answers for these scenes, and none but by reading for others.
+    pub fn known(
+        disk: &'a dyn Disk,
+        clock: Clock<'a>,
+        scenes: impl IntoIterator<Item = (PathBuf, Vec<String>)>,
+    ) -> Self {
+        let asked = scenes.into_iter().map(|(path, files)| (path, (None, files))).collect();
+        Scenes { disk, clock, asked, saved: BTreeMap::new(), news: false }
+    }
+
+    /// What was asked for, and the answers.
+    pub fn asked(&self) -> BTreeMap<PathBuf, Vec<String>> {
+        self.asked.iter().map(|(path, (_, files))| (path.clone(), files.clone())).collect()
+    }
+
     /// The files that the scene at `path` refers to, relative to it.
     pub fn files(&mut self, path: &Path) -> Result<Vec<String>, String> {
         if let Some((_, files)) = self.asked.get(path) {

@@ -139,7 +139,7 @@ impl Artefact for Synthesised {
 }
 
 impl Step for Synthesise {
-    super::step_identity!("synthesise", 5);
+    super::step_identity!("synthesise", 5, travels);
 
     fn describe(&self, v: &mut dyn Visitor) {
         let VertexWalkParams { patch, seed, border_band } = self.walk;

@@ -45,7 +45,7 @@ impl Artefact for TextonMap {
 }
 
 impl Step for AnalyseTextons {
-    super::step_identity!("analyse textons", 1);
+    super::step_identity!("analyse textons", 1, travels);
 
     fn describe(&self, v: &mut dyn Visitor) {
         let TextonParams { window, count, features, rotations, importance, wrap } = &self.params;

@@ -46,7 +46,7 @@ impl Artefact for Quilt {
 }
 
 impl Step for QuiltFaces {
-    super::step_identity!("quilt", 1);
+    super::step_identity!("quilt", 1, travels);
 
     fn describe(&self, v: &mut dyn Visitor) {
         let QuiltParams { seed, candidates, refine, reach } = self.params;

@@ -24,7 +24,7 @@ pub(super) enum Layout {
 }
 
 impl Step for Unwrap {
-    super::step_identity!("unwrap", 1);
+    super::step_identity!("unwrap", 1, travels);
 
     fn describe(&self, v: &mut dyn Visitor) {
         v.param("layout", &self.layout);

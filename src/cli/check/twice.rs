@@ -93,6 +93,7 @@ pub(super) fn list(global: &Global, check: &Check, file: &Path) -> Result<Done, 
     loaded.options.cache = folder().join("cache");
     loaded.options.manifest = folder().join("manifest");
     loaded.options.force = true;
+    loaded.options.remote = None;
     loaded.options.keep_going = true;
     let report = build::run(&loaded.graph, &[], &loaded.options, &Real, &Silent);
     let report = report.map_err(|e| Stop::Failed(with_causes(&e)))?;
