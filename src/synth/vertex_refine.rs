@@ -60,12 +60,29 @@ pub fn refine(
         return Err(Error::Count { what: "addresses of vertices", found, expected });
     }
     let rooms = rooms(topology, offsets, boxes, size)?;
+    let coarsest = f64::from(size[0].min(size[1])) / COARSEST;
+    refine_graph(jumps, metrics, Graph::finest(topology, offsets), &rooms, address, passes, coarsest)
+}
+
+/// As [`refine`], of any graph with the rooms of its nodes; levels have edges of up to `coarsest` texels, and the
+/// coarsest one starts from the addresses of its nodes.
+pub(super) fn refine_graph(
+    jumps: &JumpMap,
+    metrics: &SeamMetrics,
+    finest: Graph,
+    rooms: &[Room],
+    address: &[Texel],
+    passes: u32,
+    coarsest: f64,
+) -> Result<Vec<Texel>, Error> {
+    if metrics.size != [jumps.width(), jumps.height()] {
+        return Err(Error::TextureSize { found: [jumps.width(), jumps.height()], expected: metrics.size });
+    }
     if passes == 0 {
         return Ok(address.to_vec());
     }
     let room = |v: u32| rooms[v as usize];
-    let mut graphs = vec![Graph::finest(topology, offsets)];
-    let coarsest = f64::from(size[0].min(size[1])) / COARSEST;
+    let mut graphs = vec![finest];
     loop {
         let next = graphs[graphs.len() - 1].coarser();
         if next.mean_length().is_none_or(|l| l > coarsest) {
