@@ -138,6 +138,9 @@ fn textons(path: &Path, bytes: &[u8], facts: &mut Value) -> Result<TextonMap, St
     facts["texton variance kept"] = rounded(report.kept_variance);
     facts["texton iterations"] = json!(report.iterations);
     facts["texton spread"] = rounded(report.spread);
+    if let Some(note) = map.note() {
+        facts["note"] = json!(note);
+    }
     Ok(map)
 }
 

@@ -8,13 +8,14 @@
 //! Rotated textons, which the paper leaves out for the size of their table, need none: what a texel looks like to someone
 //! whose texture is turned is assigned to the same clusters, so that each further orientation costs one assignment and
 //! one label per texel.
+//! Beyond the paper each texel knows those of its bucket that look most like it: places to go on at behind a seam.
 //! Unaware of: meshes, files.
 
 use std::collections::BTreeMap;
 
 use super::params::{AnalysisParams, check_size};
 use super::texton_features::Features;
-use super::{TextonError, TextonFeatures};
+use super::{Jump, JumpMap, TextonError, TextonFeatures};
 use crate::numerics::knn::Points;
 use crate::numerics::{kmeans, par};
 use crate::texture::{MapKind, MapSet, Wrap};
@@ -29,6 +30,13 @@ const MAX_ROTATIONS: u32 = 64;
 const SETTLED: f64 = 0.99;
 /// Most iterations; 99 % are settled after ten to thirty.
 const MOST_ITERATIONS: u32 = 200;
+
+/// Texels that are noted as alike, of each.
+const ALIKE: usize = 3;
+/// How far they are from each other and from it, as a share of the exemplar's shorter side.
+const APART: f64 = 0.04;
+/// Most texels of a bucket that are looked at to find them.
+const LOOKED_AT: usize = 512;
 
 /// How textons are made.
 #[derive(Clone, Debug, PartialEq)]
@@ -89,15 +97,23 @@ pub struct TextonMap {
     /// Squared distances of textons, row by row.
     distances: Vec<u32>,
     points: Points,
+    alike: JumpMap,
 }
 
 impl TextonMap {
     /// From the labels of each orientation (at least one, `width * height` each, below `count`), the textons' squared
-    /// distances and the texels' vectors; `None` if they do not fit each other.
-    pub fn new(size: [u32; 2], labels: Vec<Vec<u16>>, distances: Vec<u32>, points: Points) -> Option<Self> {
+    /// distances, the texels' vectors and what is alike; `None` if they do not fit each other.
+    pub fn new(
+        size: [u32; 2],
+        labels: Vec<Vec<u16>>,
+        distances: Vec<u32>,
+        points: Points,
+        alike: JumpMap,
+    ) -> Option<Self> {
         let texels = size[0] as usize * size[1] as usize;
         let count = (1..=MAX_COUNT as usize).find(|k| k * k >= distances.len())?;
         let fits = count * count == distances.len() && texels > 0 && points.len() == texels && !labels.is_empty();
+        let fits = fits && [alike.width(), alike.height()] == size;
         if !fits || labels.iter().any(|l| l.len() != texels || l.iter().any(|t| usize::from(*t) >= count)) {
             return None;
         }
@@ -119,6 +135,7 @@ impl TextonMap {
             members,
             distances,
             points,
+            alike,
         })
     }
 
@@ -135,6 +152,12 @@ impl TextonMap {
     /// Number of textons, at least 1.
     pub fn count(&self) -> u32 {
         self.count
+    }
+
+    /// What whoever looks at the result should know of the sample.
+    pub fn note(&self) -> Option<&'static str> {
+        (self.count == 1)
+            .then_some("the sample looks the same everywhere: one texton, and any place is as good as another")
     }
 
     /// Number of orientations for which there are labels, at least 1.
@@ -168,6 +191,11 @@ impl TextonMap {
     /// The feature vector of each texel.
     pub fn points(&self) -> &Points {
         &self.points
+    }
+
+    /// For each texel those of its bucket that look most like it, apart from each other and from it.
+    pub fn alike(&self) -> &JumpMap {
+        &self.alike
     }
 }
 
@@ -207,8 +235,40 @@ pub fn analyse_textons(maps: &MapSet, params: &TextonParams) -> Result<(TextonMa
         iterations: clusters.iterations,
         spread,
     };
-    let map = TextonMap::new([size.0, size.1], labels, distances, points);
+    let alike = most_alike(&labels[0], k, [size.0, size.1], &points);
+    let map = TextonMap::new([size.0, size.1], labels, distances, points, alike);
     Ok((map.expect("labels, distances and points of one clustering"), report))
+}
+
+/// For each texel up to [`ALIKE`] others with its label, the nearest vectors first.
+fn most_alike(labels: &[u16], count: u32, [width, height]: [u32; 2], points: &Points) -> JumpMap {
+    let mut buckets = vec![vec![]; count as usize];
+    labels.iter().enumerate().for_each(|(i, t)| buckets[usize::from(*t)].push(i as u32));
+    let apart = (f64::from(width.min(height)) * APART).max(1.0) as i32;
+    let far = |a: u32, b: u32| {
+        let (dx, dy) = ((a % width) as i32 - (b % width) as i32, (a / width) as i32 - (b / width) as i32);
+        dx.abs().max(dy.abs()) >= apart
+    };
+    let row = |i: u32, near: &mut Vec<(u32, u32)>| {
+        let bucket = &buckets[usize::from(labels[i as usize])];
+        // Large buckets hold much of the same; each texel looks at another part.
+        let stride = bucket.len().div_ceil(LOOKED_AT);
+        let some = bucket.iter().skip(i as usize % stride.max(1)).step_by(stride.max(1));
+        near.clear();
+        near.extend(some.filter(|j| far(i, **j)).map(|j| (points.squared_distance(i, *j), *j)));
+        let mut row: Vec<u32> = vec![];
+        while row.len() < ALIKE {
+            let Some(best) = near.iter().filter(|n| row.iter().all(|r| far(*r, n.1))).min() else { break };
+            row.push(best.1);
+        }
+        let jump = |j: &u32| Jump { x: (j % width) as u16, y: (j / width) as u16, p: 1.0 / ALIKE as f32 };
+        row.iter().map(jump).collect::<Vec<_>>()
+    };
+    let rows = par::map_chunks(labels.len(), 1024, |some| {
+        let mut near = vec![];
+        some.map(|i| row(i as u32, &mut near)).collect::<Vec<_>>()
+    });
+    JumpMap::from_rows(width, height, &rows.concat())
 }
 
 /// Checks the numbers; returns how many textons there shall be.

@@ -581,7 +581,8 @@ pub struct Synthesis {
     /// Another seed gives another texture of the same kind.
     #[schemars(transform = within(limits::SEED))]
     pub seed: u64,
-    /// jump-map: in which order vertices are visited. Textons grow in an order of their own.
+    /// In which order vertices are visited and the triangles of `[uv_sets]` written. texton: the latter alone; pieces grow
+    /// by how much of their border is finished, which leaves the fewest seams.
     pub order: WalkOrder,
     /// Mean distance between jumps, in exemplar sides; 1.0 to 1.5 is usual. texton: size of the pieces; at 1 they reach a
     /// sixteenth of the exemplar's shorter side around their middle.

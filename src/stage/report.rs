@@ -27,7 +27,7 @@ pub(super) struct Report {
 }
 
 impl Step for Report {
-    super::step_identity!("report", 2);
+    super::step_identity!("report", 3);
 
     fn describe(&self, v: &mut dyn Visitor) {
         v.param("recipe", &self.recipe);
@@ -104,14 +104,19 @@ fn described(counters: &Counters, analysis: &[u8]) -> Result<(Value, Option<Coun
         }
         Counters::Quilt { quilt: c, faces, blended, edge_error } => {
             let map = TextonMap::from_bytes(analysis)?;
-            let sample = json!({ "width": map.width(), "height": map.height(), "textons": map.count() });
+            let mut sample = json!({ "width": map.width(), "height": map.height(), "textons": map.count() });
+            if let Some(note) = map.note() {
+                sample["note"] = json!(note);
+            }
             let quilt = json!({
                 "faces": faces,
                 "pieces": c.pieces,
                 "seeds": c.seeds,
                 "continued": c.continued,
                 "closings": c.closings,
+                "bad_closings": c.bad_closings,
                 "reopened": c.reopened,
+                "recut": c.recut,
                 "relaxed": c.relaxed,
                 "blended_edges": blended,
                 "edge_error": edge_error,

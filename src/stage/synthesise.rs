@@ -96,9 +96,10 @@ impl Artefact for Synthesised {
                 to.put([seeds, continuations, jumps, random_fallbacks, dropped_invalid]);
             }
             Counters::Quilt { quilt, faces, blended, edge_error } => {
-                let QuiltCounters { pieces, seeds, continued, closings, reopened, relaxed } = quilt;
-                to.put(1u8);
-                to.put([pieces, seeds, continued, closings, reopened, relaxed, faces, blended]);
+                let QuiltCounters { pieces, seeds, continued, closings, bad_closings, reopened, recut, relaxed } =
+                    quilt;
+                to.put(4u8);
+                to.put([pieces, seeds, continued, closings, bad_closings, reopened, recut, relaxed, faces, blended]);
                 to.put(edge_error);
             }
             Counters::Taken => to.put(3u8),
@@ -117,9 +118,11 @@ impl Artefact for Synthesised {
                 let [seeds, continuations, jumps, random_fallbacks, dropped_invalid] = from.get()?;
                 Counters::Walk(WalkCounters { seeds, continuations, jumps, random_fallbacks, dropped_invalid })
             }
-            1 => {
-                let [pieces, seeds, continued, closings, reopened, relaxed, faces, blended] = from.get()?;
-                let quilt = QuiltCounters { pieces, seeds, continued, closings, reopened, relaxed };
+            4 => {
+                let [pieces, seeds, continued, closings, bad_closings, reopened, recut, relaxed, faces, blended] =
+                    from.get()?;
+                let quilt =
+                    QuiltCounters { pieces, seeds, continued, closings, bad_closings, reopened, recut, relaxed };
                 Counters::Quilt { quilt, faces, blended, edge_error: from.get()? }
             }
             3 => Counters::Taken,

@@ -1,7 +1,7 @@
 //! Step: analyse the exemplar into textons (\[MK03\] section 3.1).
 
 use crate::build::{Inputs, Step, StepError, Visitor};
-use crate::exemplar::{TextonMap, TextonParams, analyse_textons};
+use crate::exemplar::{JumpMap, TextonMap, TextonParams, analyse_textons};
 use crate::io::artefact::{Artefact, Damaged, Reader, Writer};
 use crate::numerics::knn::Points;
 use crate::texture::MapSet;
@@ -21,6 +21,7 @@ impl Artefact for TextonMap {
         to.slice(self.distances());
         to.put(self.points().scale());
         to.slice(self.points().data());
+        to.slice(&self.alike().to_bytes());
     }
 
     fn read(from: &mut Reader<'_>) -> Result<Self, Damaged> {
@@ -29,6 +30,7 @@ impl Artefact for TextonMap {
         let distances: Vec<u32> = from.slice()?;
         let scale: f64 = from.get()?;
         let data: Vec<i16> = from.slice()?;
+        let alike = JumpMap::from_bytes(&from.slice::<u8>()?).map_err(|e| Damaged(e.to_string()))?;
         let damaged = || Damaged("textons that do not fit their sample".into());
         let texels = labels.first().map_or(0, Vec::len);
         // The padding is known only once there are points; no more of them than there are values.
@@ -40,12 +42,12 @@ impl Artefact for TextonMap {
             return Err(damaged());
         }
         points.data_mut().copy_from_slice(&data);
-        TextonMap::new([width, height], labels, distances, points).ok_or_else(damaged)
+        TextonMap::new([width, height], labels, distances, points, alike).ok_or_else(damaged)
     }
 }
 
 impl Step for AnalyseTextons {
-    super::step_identity!("analyse textons", 1, travels);
+    super::step_identity!("analyse textons", 2, travels);
 
     fn describe(&self, v: &mut dyn Visitor) {
         let TextonParams { window, count, features, rotations, importance, wrap } = &self.params;

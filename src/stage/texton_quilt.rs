@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 
 use crate::build::{Inputs, Step, StepError, Visitor};
-use crate::exemplar::TextonMap;
+use crate::exemplar::{AnalysisParams, TextonMap};
 use crate::field::{Laid, Symmetry};
 use crate::io::artefact::{Artefact, Damaged, Reader, Writer};
 use crate::numerics::par;
@@ -14,6 +14,7 @@ use crate::numerics::vec::Vec2;
 use crate::synth::quilt::{Quilt, QuiltCounters, QuiltParams, quilt};
 use crate::synth::quilt_blend::{Blended, blend_edges};
 use crate::synth::quilt_frame::Facets;
+use crate::synth::seam_metric::SeamMetrics;
 use crate::texture::{MapKind, MapSet, texel};
 use crate::uvset::Blend;
 use crate::uvset::metric::continuity_error;
@@ -22,31 +23,34 @@ use super::compare::comparison;
 use super::prepare::Prepared;
 use super::synthesise::{Counters, Synthesised};
 
-/// Reads the synthesis mesh, the field and the textons.
+/// Reads the synthesis mesh, the field, the textons and the maps.
 pub(super) struct QuiltFaces {
     pub recipe: String,
     pub params: QuiltParams,
     pub symmetry: Symmetry,
+    /// Weight of each map where cuts compare.
+    pub importance: BTreeMap<MapKind, f64>,
 }
 
 impl Artefact for Quilt {
-    const TAG: [u8; 4] = *b"qult";
+    const TAG: [u8; 4] = *b"qul2";
 
     fn write(&self, to: &mut Writer) {
-        let QuiltCounters { pieces, seeds, continued, closings, reopened, relaxed } = self.counters;
-        to.put([pieces, seeds, continued, closings, reopened, relaxed]);
+        let QuiltCounters { pieces, seeds, continued, closings, bad_closings, reopened, recut, relaxed } =
+            self.counters;
+        to.put([pieces, seeds, continued, closings, bad_closings, reopened, recut, relaxed]);
         to.slice(&self.at);
     }
 
     fn read(from: &mut Reader<'_>) -> Result<Self, Damaged> {
-        let [pieces, seeds, continued, closings, reopened, relaxed] = from.get::<[u64; 6]>()?;
-        let counters = QuiltCounters { pieces, seeds, continued, closings, reopened, relaxed };
+        let [pieces, seeds, continued, closings, bad_closings, reopened, recut, relaxed] = from.get::<[u64; 8]>()?;
+        let counters = QuiltCounters { pieces, seeds, continued, closings, bad_closings, reopened, recut, relaxed };
         Ok(Quilt { counters, at: from.slice::<Vec2>()? })
     }
 }
 
 impl Step for QuiltFaces {
-    super::step_identity!("quilt", 1, travels);
+    super::step_identity!("quilt", 2, travels);
 
     fn describe(&self, v: &mut dyn Visitor) {
         let QuiltParams { seed, candidates, refine, reach } = self.params;
@@ -55,6 +59,7 @@ impl Step for QuiltFaces {
         v.param("refine", &refine);
         v.param("reach", &reach);
         v.param("symmetry", &self.symmetry);
+        v.param("importance", &self.importance);
     }
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
@@ -62,7 +67,15 @@ impl Step for QuiltFaces {
         let Laid { field, .. } = super::read(inputs, 1)?;
         let map: TextonMap = super::read(inputs, 2)?;
         let facets = Facets::new(&prepared.mesh.mesh, &field, self.symmetry);
-        Ok(quilt(&map, &facets, &self.params)?.to_bytes())
+        let maps: MapSet = super::read(inputs, 3)?;
+        let metrics = match self.params.refine {
+            0 => None,
+            _ => {
+                let analysis = AnalysisParams { importance: self.importance.clone(), ..AnalysisParams::default() };
+                Some(SeamMetrics::new(&maps, &analysis)?)
+            }
+        };
+        Ok(quilt(&map, &facets, metrics.as_ref(), &self.params)?.to_bytes())
     }
 }
 
@@ -152,7 +165,7 @@ pub(super) struct BlendSets {
 }
 
 impl Step for BlendSets {
-    super::step_identity!("blend sets", 2);
+    super::step_identity!("blend sets", 3);
 
     fn describe(&self, v: &mut dyn Visitor) {
         self.params.describe(v);

@@ -24,13 +24,14 @@ impl Graph {
     pub fn finest(topology: &Topology, offsets: &[Vec2]) -> Self {
         let n = topology.vertex_count() as u32;
         let ends = (0..n).map(|v| topology.half_edges(v).end as u32);
-        Graph {
-            starts: std::iter::once(0).chain(ends).collect(),
-            targets: (0..topology.half_edge_count()).map(|h| topology.target(h)).collect(),
-            offsets: offsets.to_vec(),
-            vertices: (0..n).collect(),
-            parents: vec![],
-        }
+        let targets = (0..topology.half_edge_count()).map(|h| topology.target(h)).collect();
+        Self::new(std::iter::once(0).chain(ends).collect(), targets, offsets.to_vec())
+    }
+
+    /// Any graph: the edges of node v are `starts[v]..starts[v + 1]`, each with its target and the offset there.
+    pub fn new(starts: Vec<u32>, targets: Vec<u32>, offsets: Vec<Vec2>) -> Self {
+        let vertices = (0..starts.len() as u32 - 1).collect();
+        Graph { starts, targets, offsets, vertices, parents: vec![] }
     }
 
     /// Any graph: where each node's edges start (and at last their number), where they lead, the offsets along them.

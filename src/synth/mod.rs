@@ -29,6 +29,7 @@ pub mod lod;
 pub mod mixture;
 pub mod quilt;
 pub mod quilt_blend;
+mod quilt_cut;
 pub mod quilt_frame;
 mod quilt_patch;
 mod quilt_seam;

@@ -3,7 +3,9 @@
 //! Source: \[MK03\] 3.2.1: the similarity between a face and the exemplar has the rotation of the vector field, averaged
 //! over the face's vertices, and a scale. Read as: up vectors are averaged as they stand in space and laid into the face's
 //! plane; the scale is the mean of the vertices'. Where several directions are equivalent (symmetry) those of a face are
-//! turned to its first vertex', and a face is turned to the neighbour from which it is reached.
+//! turned to its first vertex', and a face is turned to the neighbour from which it is reached. A face also knows where it
+//! lies on the grid of texels that begins at the origin of space: whoever places it there resamples nothing where a wall
+//! lies along the axes.
 //! Unaware of: what is in the exemplar.
 
 use std::collections::VecDeque;
@@ -23,6 +25,8 @@ pub struct Facets {
     /// The edge (three times the face and the number of the corner it starts at) on the other side of a face's edge from
     /// corner k to the next, or [`BORDER`]. Edges of more than two faces, or of two that disagree in winding, are borders.
     pub across: Vec<[u32; 3]>,
+    /// Where each face's first corner lies between the texels of a grid through the origin of space: 0..1 of a texel.
+    pub phase: Vec<Vec2>,
 }
 
 impl Facets {
@@ -34,14 +38,20 @@ impl Facets {
         if symmetry.directions() > 1 {
             agree(mesh, &across, symmetry, &normal, &mut up);
         }
+        let flat = |f: usize, e: Vec3| {
+            let scale = mesh.faces[f].iter().map(|v| f64::from(field.scale[*v as usize])).sum::<f64>() / 3.0;
+            vec2(e.dot(up[f].cross(normal(f))) * scale, -(e.dot(up[f]) * scale))
+        };
         let local = |f: usize| {
             let [a, b, c] = mesh.corners(f);
-            let right = up[f].cross(normal(f));
-            let scale = mesh.faces[f].iter().map(|v| f64::from(field.scale[*v as usize])).sum::<f64>() / 3.0;
-            let flat = |e: Vec3| vec2(e.dot(right) * scale, -(e.dot(up[f]) * scale));
-            [Vec2::ZERO, flat(b - a), flat(c - a)]
+            [Vec2::ZERO, flat(f, b - a), flat(f, c - a)]
         };
-        Facets { local: (0..mesh.faces.len()).map(local).collect(), across }
+        let phase = |f: usize| {
+            let at = flat(f, mesh.corners(f)[0]);
+            vec2(at.x - at.x.floor(), at.y - at.y.floor())
+        };
+        let faces = || 0..mesh.faces.len();
+        Facets { local: faces().map(local).collect(), phase: faces().map(phase).collect(), across }
     }
 
     /// Number of faces.

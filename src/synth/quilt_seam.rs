@@ -76,6 +76,13 @@ pub(super) fn colours(n: usize, neighbours: impl Fn(usize, &mut Vec<u32>)) -> Ve
     groups
 }
 
+/// The mean distance of unrelated texels, in steps of their vectors; at least 1.
+pub(super) fn typical_distance(map: &TextonMap) -> f64 {
+    let (n, key) = (map.points().len() as u32, Key::new(0).with_str("unrelated texels"));
+    let distance = |i: u64| f64::from(map.points().squared_distance(key.below(2 * i, n), key.below(2 * i + 1, n)));
+    ((0..PAIRS).map(|i| distance(i).sqrt()).sum::<f64>() / PAIRS as f64).max(1.0)
+}
+
 struct Seams<'a> {
     map: &'a TextonMap,
     facets: &'a Facets,
@@ -86,11 +93,7 @@ struct Seams<'a> {
 
 impl<'a> Seams<'a> {
     fn new(map: &'a TextonMap, facets: &'a Facets) -> Self {
-        let (n, key) = (map.points().len() as u32, Key::new(0).with_str("unrelated texels"));
-        let distance =
-            |i: u64| f64::from(map.points().squared_distance(key.below(2 * i, n), key.below(2 * i + 1, n))).sqrt();
-        let typical = ((0..PAIRS).map(distance).sum::<f64>() / PAIRS as f64).max(1.0);
-        Seams { map, facets, size: [map.width(), map.height()], typical }
+        Seams { map, facets, size: [map.width(), map.height()], typical: typical_distance(map) }
     }
 
     /// The cost of an edge if the face lies at `place`.

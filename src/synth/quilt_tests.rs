@@ -1,5 +1,5 @@
 use super::*;
-use crate::exemplar::{TextonParams, analyse_textons};
+use crate::exemplar::{AnalysisParams, TextonParams, analyse_textons};
 use crate::field::{Field, Symmetry};
 use crate::mesh::zoo;
 use crate::numerics::vec::vec3;
@@ -23,6 +23,11 @@ fn textons(size: u32, rotations: u32, f: impl Fn(u32, u32) -> f32 + Sync) -> Tex
     analyse_textons(&MapSet::new(vec![(MapKind::Height, t)]), &params).unwrap().0
 }
 
+fn metrics(size: u32, f: impl Fn(u32, u32) -> f32 + Sync) -> SeamMetrics {
+    let t = Texture::from_fn(size, size, 1, |x, y, out| out[0] = f(x, y));
+    SeamMetrics::new(&MapSet::new(vec![(MapKind::Height, t)]), &AnalysisParams::default()).unwrap()
+}
+
 fn facets(m: &crate::mesh::TriMesh, up: Option<crate::numerics::vec::Vec3>, scale: f32) -> Facets {
     let n = m.positions.len();
     let ups = match up {
@@ -39,12 +44,12 @@ fn open_gaps(facets: &Facets, at: &[Vec2]) -> usize {
 
 #[test]
 fn all_faces_lie_inside_on_any_mesh_for_any_number_of_threads() {
-    let map = textons(48, 1, noise);
+    let (map, metrics) = (textons(48, 1, noise), metrics(48, noise));
     for (name, m) in zoo::all() {
         let facets = facets(&m, None, 6.0);
         for refine in [0, 2] {
             let params = QuiltParams { refine, ..QuiltParams::default() };
-            let run = |jobs| par::install(jobs, || quilt(&map, &facets, &params));
+            let run = |jobs| par::install(jobs, || quilt(&map, &facets, Some(&metrics), &params));
             let Ok(q) = run(1) else { panic!("{name}: {:?}", run(1)) };
             assert_eq!(Ok(&q), run(3).as_ref(), "{name}");
             for (at, local) in q.at.iter().zip(&facets.local) {
@@ -63,11 +68,11 @@ fn all_faces_lie_inside_on_any_mesh_for_any_number_of_threads() {
 
 #[test]
 fn a_plane_smaller_than_the_exemplar_is_mostly_a_piece_of_it() {
-    let map = textons(64, 1, noise);
+    let (map, metrics) = (textons(64, 1, noise), metrics(64, noise));
     let m = zoo::plane(8, 8);
     let facets = facets(&m, Some(vec3(0., 1., 0.)), 4.0);
     for refine in [0, 1] {
-        let q = quilt(&map, &facets, &QuiltParams { refine, ..QuiltParams::default() }).unwrap();
+        let q = quilt(&map, &facets, Some(&metrics), &QuiltParams { refine, ..QuiltParams::default() }).unwrap();
         let (open, all) = (open_gaps(&facets, &q.at), facets.len() * 3 / 2);
         println!("refine {refine}: {open} of {all} edges are seams; {:?}", q.counters);
         assert!(open * 3 < all, "{open} of {all}");
@@ -76,10 +81,11 @@ fn a_plane_smaller_than_the_exemplar_is_mostly_a_piece_of_it() {
 
 #[test]
 fn a_periodic_exemplar_covers_a_plane_without_errors() {
-    let map = textons(64, 1, |x, y| noise(x % 16, y % 16));
+    let sample = |x, y| noise(x % 16, y % 16);
+    let (map, metrics) = (textons(64, 1, sample), metrics(64, sample));
     let m = zoo::plane(16, 16);
     let facets = facets(&m, Some(vec3(0., 1., 0.)), 8.0);
-    let q = quilt(&map, &facets, &QuiltParams { refine: 2, ..QuiltParams::default() }).unwrap();
+    let q = quilt(&map, &facets, Some(&metrics), &QuiltParams { refine: 2, ..QuiltParams::default() }).unwrap();
     // Away from the exemplar's border windows repeat exactly: nearly all gaps are whole periods.
     let off = |d: f64| (d / 16.0 - (d / 16.0).round()).abs() * 16.0;
     let edges = (0..facets.len()).flat_map(|f| (0..3).map(move |k| (f, k)));
@@ -99,7 +105,7 @@ fn a_periodic_exemplar_covers_a_plane_without_errors() {
 fn another_seed_gives_another_quilt() {
     let map = textons(48, 4, noise);
     let facets = facets(&zoo::torus(12, 8), None, 8.0);
-    let run = |seed| quilt(&map, &facets, &QuiltParams { seed, ..QuiltParams::default() }).unwrap().at;
+    let run = |seed| quilt(&map, &facets, None, &QuiltParams { seed, ..QuiltParams::default() }).unwrap().at;
     assert_ne!(run(1), run(2));
     assert_eq!(run(3), run(3));
 }
@@ -108,23 +114,45 @@ fn another_seed_gives_another_quilt() {
 fn bad_input_gets_a_sentence() {
     let map = textons(32, 1, noise);
     let facets = facets(&zoo::plane(2, 2), Some(vec3(0., 1., 0.)), 40.0);
-    let fault = |p: QuiltParams| quilt(&map, &facets, &p).unwrap_err().to_string();
+    let fault = |p: QuiltParams| quilt(&map, &facets, None, &p).unwrap_err().to_string();
     assert_eq!(fault(QuiltParams { candidates: 0, ..QuiltParams::default() }), "candidates = 0: expected 1..=4096");
     assert!(fault(QuiltParams { reach: f64::NAN, ..QuiltParams::default() }).contains("NaN"));
     assert!(fault(QuiltParams::default()).starts_with("face 0 takes 40.0 x 40.0 texels, but an exemplar of 32 x 32"));
 }
 
-/// Figures for the header: the error of seams by the number of pieces in a round.
+/// What the texels on both sides of all edges differ by in the mean, as a share of what unrelated ones do.
+fn difference(map: &TextonMap, facets: &Facets, at: &[Vec2]) -> f64 {
+    let (mut sum, mut count, size) = (0.0, 0.0, [map.width(), map.height()]);
+    for (f, k) in (0..facets.len()).flat_map(|f| (0..3).map(move |k| (f, k))) {
+        let Some((g, j)) = facets.opposite(f, k) else { continue };
+        let ([a, b], [d, c]) = (facets.edge(f, k), facets.edge(g, j));
+        for t in [0.125, 0.375, 0.625, 0.875] {
+            let here = texel_at(size, at[f] + a + (b - a) * t);
+            let there = texel_at(size, at[g] + c + (d - c) * t);
+            sum += f64::from(map.points().squared_distance(here, there)).sqrt();
+            count += 1.0;
+        }
+    }
+    sum / count / quilt_seam::typical_distance(map)
+}
+
+/// Figures for the header, by the order of growth.
 #[test]
-fn print_orders() {
+fn growing_in_rounds_by_the_finished_share_is_as_good_as_any_order() {
     let map = textons(96, 1, noise);
     let facets = facets(&zoo::torus(48, 32), None, 16.0);
-    for (name, most) in [("rounds", usize::MAX), ("one by one", 1)] {
-        let start = Instant::now();
-        let q = quilt_by_rounds(&map, &facets, &QuiltParams { refine: 0, ..QuiltParams::default() }, most).unwrap();
-        let open = open_gaps(&facets, &q.at);
-        println!("{name}: {open} seams of {}, {:?}, {:?}", facets.len() * 3 / 2, q.counters, start.elapsed());
+    let measure = |growth| {
+        let params = QuiltParams { refine: 0, ..QuiltParams::default() };
+        let q = quilt_in_order(&map, &facets, None, &params, growth).unwrap();
+        let (seams, error) = (open_gaps(&facets, &q.at), difference(&map, &facets, &q.at));
+        println!("{growth:?}: {seams} seams of {}, difference {error:.4}, {:?}", facets.len() * 3 / 2, q.counters);
         assert_eq!(q.counters.pieces, facets.len() as u64);
+        assert!(q.counters.bad_closings * 50 < q.counters.pieces, "{growth:?}");
+        error
+    };
+    let rounds = measure(Growth::Rounds);
+    for other in [Growth::Share, Growth::Breadth, Growth::Listed] {
+        assert!(rounds < 1.05 * measure(other), "{other:?}");
     }
 }
 
@@ -158,8 +186,9 @@ fn edges_are_far_better_than_random_and_near_the_best_there_is() {
     let chance = mean(&|f| random[f]);
     for features in [TextonFeatures::Window, TextonFeatures::FilterBank] {
         let map = analyse_textons(&maps, &TextonParams { features, ..TextonParams::default() }).unwrap().0;
+        let metrics = SeamMetrics::new(&maps, &AnalysisParams::default()).unwrap();
         for refine in [0, 2] {
-            let q = quilt(&map, &facets, &QuiltParams { refine, ..QuiltParams::default() }).unwrap();
+            let q = quilt(&map, &facets, Some(&metrics), &QuiltParams { refine, ..QuiltParams::default() }).unwrap();
             let found = mean(&|f| q.at[f]);
             // Of every seventh edge: the least error that some whole shift of the face beyond would give.
             let (mut best, mut count) = (0.0, 0);

@@ -9,7 +9,7 @@ use super::Error;
 use super::hierarchy::Graph;
 use super::room::Room;
 use super::seam_metric::SeamMetrics;
-use super::vertex_refine::descend;
+use super::vertex_refine::{coarsest_edge, refine_graph};
 use crate::exemplar::JumpMap;
 use crate::numerics::par;
 use crate::numerics::vec::Vec2;
@@ -69,7 +69,7 @@ pub fn refine_texels(
         };
         return Err(Error::BoxTooLarge { vertex: v as u32, span: [span(|d| d.x), span(|d| d.y)], exemplar: size });
     }
-    Ok(descend(jumps, metrics, Graph::of(starts, targets, offsets), &rooms, places, passes))
+    refine_graph(jumps, metrics, Graph::of(starts, targets, offsets), &rooms, places, passes, coarsest_edge(size))
 }
 
 #[cfg(test)]

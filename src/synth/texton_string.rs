@@ -53,9 +53,19 @@ impl Inside {
         self.low.x <= at.x && at.x <= self.high.x && self.low.y <= at.y && at.y <= self.high.y
     }
 
-    /// The nearest place inside.
+    /// The nearest place inside that is whole texels away, or the nearest one at all if there is none.
     pub fn nearest(&self, at: Vec2) -> Vec2 {
-        vec2(at.x.max(self.low.x).min(self.high.x), at.y.max(self.low.y).min(self.high.y))
+        let along = |at: f64, low: f64, high: f64| {
+            let whole = if at < low {
+                at + (low - at).ceil()
+            } else if at > high {
+                at - (at - high).ceil()
+            } else {
+                at
+            };
+            if low <= whole && whole <= high { whole } else { at.max(low).min(high) }
+        };
+        vec2(along(at.x, self.low.x, self.high.x), along(at.y, self.low.y, self.high.y))
     }
 
     /// A random place: draws 0 and 1 of a key.
@@ -78,19 +88,33 @@ pub fn steps(length: f64) -> u32 {
     length.clamp(1.0, 1e4).round() as u32
 }
 
-/// Error of a piece at `origin`: the sum over its string of the squared distances of textons, Eq. 2.
-pub fn error(map: &TextonMap, string: &[Sample], origin: Vec2) -> u64 {
+/// Error of a piece at `origin`: the sum over its string of the squared distances of textons, Eq. 2. Stops where the sum
+/// reaches `limit`: what it returns then is at least that.
+pub fn error(map: &TextonMap, string: &[Sample], origin: Vec2, limit: u64) -> u64 {
     let (size, labels) = ([map.width(), map.height()], map.labels(0));
     let at = |s: &Sample| labels[texel_at(size, origin + s.offset) as usize];
-    string.iter().map(|s| u64::from(map.distance(at(s), s.label))).sum()
+    up_to(limit, string, |s| map.distance(at(s), s.label))
 }
 
 /// As [`error`], by the texels' own vectors instead of their clusters'. Turned neighbours are compared as they lie.
-pub fn fine_error(map: &TextonMap, string: &[Sample], origin: Vec2) -> u64 {
+pub fn fine_error(map: &TextonMap, string: &[Sample], origin: Vec2, limit: u64) -> u64 {
     let size = [map.width(), map.height()];
-    let points = map.points();
-    let distance = |s: &Sample| points.squared_distance(texel_at(size, origin + s.offset), s.texel);
-    string.iter().map(|s| u64::from(distance(s))).sum()
+    up_to(limit, string, |s| {
+        let texel = texel_at(size, origin + s.offset);
+        if texel == s.texel { 0 } else { map.points().squared_distance(texel, s.texel) }
+    })
+}
+
+/// The sum over a string, or some part of it that reaches `limit`.
+fn up_to(limit: u64, string: &[Sample], distance: impl Fn(&Sample) -> u32) -> u64 {
+    let mut sum = 0;
+    for s in string {
+        sum += u64::from(distance(s));
+        if sum >= limit {
+            break;
+        }
+    }
+    sum
 }
 
 /// Memory for counting votes, used again and again.
@@ -217,8 +241,8 @@ mod tests {
             let got: Vec<usize> = found.iter().map(|at| votes(*at).expect("a place inside")).collect();
             prop_assert_eq!(&got[..], &all[..all.len().min(12)]);
             prop_assert_eq!(got[0], s.len(), "the place it was taken from has all votes");
-            prop_assert_eq!(error(&map, &s, base), 0);
-            prop_assert_eq!(fine_error(&map, &s, base), 0);
+            prop_assert_eq!(error(&map, &s, base, u64::MAX), 0);
+            prop_assert_eq!(fine_error(&map, &s, base, u64::MAX), 0);
         }
     }
 
@@ -231,7 +255,8 @@ mod tests {
             let p = at + s.offset;
             map.distance(map.labels(0)[p.y as usize * 30 + p.x as usize], s.label)
         };
-        assert_eq!(error(&map, &s, at), s.iter().map(|s| u64::from(one(s))).sum::<u64>());
+        assert_eq!(error(&map, &s, at, u64::MAX), s.iter().map(|s| u64::from(one(s))).sum::<u64>());
+        assert_eq!(error(&map, &s, at, 1), s.iter().map(|s| u64::from(one(s))).find(|e| *e > 0).unwrap_or(0));
     }
 
     #[test]

@@ -60,24 +60,33 @@ pub fn refine(
         return Err(Error::Count { what: "addresses of vertices", found, expected });
     }
     let rooms = rooms(topology, offsets, boxes, size)?;
-    if passes == 0 {
-        return Ok(address.to_vec());
-    }
-    Ok(descend(jumps, metrics, Graph::finest(topology, offsets), &rooms, address, passes))
+    refine_graph(jumps, metrics, Graph::finest(topology, offsets), &rooms, address, passes, coarsest_edge(size))
 }
 
-/// Corrects the addresses of a graph's nodes, all finite, from coarse to fine; each stays in its room, which is not empty.
-pub(super) fn descend(
+/// Mean length in texels that edges of the coarsest level may have, unless there is a reason for another.
+pub(super) fn coarsest_edge(exemplar: [u32; 2]) -> f64 {
+    f64::from(exemplar[0].min(exemplar[1])) / COARSEST
+}
+
+/// As [`refine`], of any graph with the rooms of its nodes; levels have edges of up to `coarsest` texels, and the
+/// coarsest one starts from the addresses of its nodes.
+pub(super) fn refine_graph(
     jumps: &JumpMap,
     metrics: &SeamMetrics,
     finest: Graph,
     rooms: &[Room],
     address: &[Texel],
     passes: u32,
-) -> Vec<Texel> {
+    coarsest: f64,
+) -> Result<Vec<Texel>, Error> {
+    if metrics.size != [jumps.width(), jumps.height()] {
+        return Err(Error::TextureSize { found: [jumps.width(), jumps.height()], expected: metrics.size });
+    }
+    if passes == 0 {
+        return Ok(address.to_vec());
+    }
     let room = |v: u32| rooms[v as usize];
     let mut graphs = vec![finest];
-    let coarsest = f64::from(metrics.size[0].min(metrics.size[1])) / COARSEST;
     loop {
         let next = graphs[graphs.len() - 1].coarser();
         if next.mean_length().is_none_or(|l| l > coarsest) {
@@ -103,7 +112,7 @@ pub(super) fn descend(
             nodes = par::map(graphs[i - 1].len(), continued);
         }
     }
-    nodes
+    Ok(nodes)
 }
 
 struct Level<'a> {

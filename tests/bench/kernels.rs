@@ -24,6 +24,7 @@ use kiln::synth::layers::layered_sets;
 use kiln::synth::quilt::{QuiltParams, quilt};
 use kiln::synth::quilt_frame::Facets;
 use kiln::synth::rendering_sequence::{CACHE, acmr, face_sequence, rendering_sequence};
+use kiln::synth::seam_metric::SeamMetrics;
 use kiln::synth::sites::Sites;
 use kiln::synth::vertex_order::region_growing;
 use kiln::synth::vertex_walk::{VertexWalkParams, walk};
@@ -155,13 +156,16 @@ fn textons(bench: &Bench, pebbles: &MapSet) {
         });
     }
     let (map, _) = analyse_textons(pebbles, &params(256)).expect("an analysis");
+    let metrics = SeamMetrics::new(pebbles, &AnalysisParams::default()).expect("checked maps");
     for (sides, refine) in [(64, 0), (64, 2), (256, 0), (708, 0), (708, 2)] {
         let facets = torus(sides);
         let faces = facets.len() as f64;
         for jobs in [1, 2] {
             let name = format!("quilt {faces} faces, refine {refine}, -j {jobs}");
             let params = QuiltParams { refine, ..QuiltParams::default() };
-            bench.run(&name, faces / 1e6, "Mface/s", || par::install(jobs, || quilt(&map, &facets, &params)));
+            bench.run(&name, faces / 1e6, "Mface/s", || {
+                par::install(jobs, || quilt(&map, &facets, Some(&metrics), &params))
+            });
         }
     }
 }

@@ -259,8 +259,8 @@ impl Planner<'_, '_> {
     ) -> (StepId, StepId) {
         let recipe::Synthesis { seed, patch, refine, blend } = self.recipe.synthesis;
         let params = QuiltParams { seed, candidates: from.candidates, refine, reach: patch * PIECE_REACH };
-        let quilt = QuiltFaces { recipe: self.name(), params, symmetry };
-        let quilt = self.step(quilt, &[prepare, field, analyse].map(InputId::from));
+        let quilt = QuiltFaces { recipe: self.name(), params, symmetry, importance: importance.clone() };
+        let quilt = self.step(quilt, &[prepare, field, analyse, maps].map(InputId::from));
         let blend = uv_blend(blend);
         let params = BlendParams { symmetry, blend, threshold: from.blend_threshold, importance };
         let inputs = [prepare, field, quilt, maps].map(InputId::from);
