@@ -23,6 +23,7 @@ pub use error::{Error, Which};
 pub use orientation::{
     OrientationConstraint, SingularityConstraint, SingularityKind, orientation, orientation_in_areas,
 };
+pub(crate) use relax::cotangent_weights;
 pub use scalar::{Elsewhere, ScalarConstraint, components_without, interpolate, scale};
 pub use singularity::{Singularity, singular_points, singularities};
 
