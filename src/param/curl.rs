@@ -9,7 +9,7 @@
 //! it anew there.
 //! Unaware of: angles.
 
-use super::guide::Wanted;
+use super::guide::{Guide, Wanted};
 use crate::numerics::cg::{self, Stop};
 use crate::numerics::csr::{Complex, Csr, complex};
 use crate::numerics::par;
@@ -37,11 +37,11 @@ fn quarter_turns(quarters: u8) -> Complex {
 type Side = (usize, Complex);
 
 /// Sides of each face; `None` where the field itself turns, or an edge is missing.
-fn sides(wanted: &Wanted<'_>, guide: &super::guide::Guide, face: usize) -> Option<[Side; 3]> {
+fn sides(wanted: &Wanted<'_>, guide: &Guide, face: usize) -> Option<[Side; 3]> {
     let [a, b, c] = wanted.mesh.faces[face];
     let topo = wanted.topo;
     let (ab, bc, ac) = (topo.find(a, b)?, topo.find(b, c)?, topo.find(a, c)?);
-    if (guide.quarters[ab] + guide.quarters[bc] + 4 - guide.quarters[ac]) % 4 != 0 {
+    if !(guide.quarters[ab] + guide.quarters[bc] + 4 - guide.quarters[ac]).is_multiple_of(4) {
         return None;
     }
     let side = |u: u32, v: u32, h: usize, sign: Complex| {
@@ -53,7 +53,7 @@ fn sides(wanted: &Wanted<'_>, guide: &super::guide::Guide, face: usize) -> Optio
 }
 
 /// Changes the steps of edges that have an open end, per vertex; the others stay.
-pub(super) fn lessen(wanted: &Wanted<'_>, guide: &mut super::guide::Guide, open: &dyn Fn(u32) -> bool) {
+pub(super) fn lessen(wanted: &Wanted<'_>, guide: &mut Guide, open: &dyn Fn(u32) -> bool) {
     let (mesh, topo) = (wanted.mesh, wanted.topo);
     let faces = par::map(mesh.faces.len(), |f| sides(wanted, guide, f));
     // The faces at each edge, by its half-edge from the lower end, and its factor; none if it may not change.
@@ -63,8 +63,8 @@ pub(super) fn lessen(wanted: &Wanted<'_>, guide: &mut super::guide::Guide, open:
             at[h].push((f as u32, factor));
         }
     }
-    let lower = (0..topo.vertex_count() as u32).flat_map(|v| topo.half_edges(v).map(move |h| (v, h)));
-    lower.filter(|&(v, h)| !open(v) && !open(topo.target(h))).for_each(|(_, h)| at[h].clear());
+    let edges = || (0..topo.vertex_count() as u32).flat_map(|v| topo.half_edges(v).map(move |h| (v, h)));
+    edges().filter(|&(v, h)| !open(v) && !open(topo.target(h))).for_each(|(_, h)| at[h].clear());
     let give = |h: usize| 1.0 / guide.weights[h].max(LEAST_WEIGHT);
     let number = |step: Vec2| complex(step.x, step.y);
 
@@ -98,12 +98,8 @@ pub(super) fn lessen(wanted: &Wanted<'_>, guide: &mut super::guide::Guide, open:
     };
     cg::solve(&matrix, &curl, &mut pressure, precondition, STOP);
 
-    let edges = (0..topo.vertex_count() as u32).flat_map(|v| topo.half_edges(v).map(move |h| (v, h)));
-    for (v, h) in edges.filter(|&(v, h)| v < topo.target(h)) {
+    for (v, h) in edges().filter(|&(_, h)| !at[h].is_empty()) {
         let push = at[h].iter().fold(Complex::ZERO, |sum, (f, factor)| sum + factor.conj() * pressure[*f as usize]);
-        if at[h].is_empty() {
-            continue;
-        }
         let change = push * -give(h);
         guide.steps[h] += vec2(change.re, change.im);
         if let Some(back) = topo.find(topo.target(h), v) {
@@ -114,7 +110,7 @@ pub(super) fn lessen(wanted: &Wanted<'_>, guide: &mut super::guide::Guide, open:
 
 #[cfg(test)]
 mod tests {
-    use super::super::guide::Guide;
+    use super::super::guide::from_turned;
     use super::super::tests::Laid;
     use super::*;
     use crate::field::{OrientationConstraint, Symmetry};
@@ -159,7 +155,7 @@ mod tests {
         let (turned, _) = closed(&l);
         for v in 0..l.field.up.len() {
             for h in l.topo.half_edges(v as u32) {
-                let seen = super::super::guide::from_turned(turned.steps[h], turn(v) as u8);
+                let seen = from_turned(turned.steps[h], turn(v) as u8);
                 // The field itself turns no more exactly.
                 assert!((seen - plain.steps[h]).length() < 1e-4);
                 let back = l.topo.find(l.topo.target(h), v as u32).expect("there and back");
