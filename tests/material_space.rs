@@ -64,6 +64,19 @@ fn a_sphere_gets_every_output_the_same_for_any_number_of_threads() {
 }
 
 #[test]
+fn parts_without_a_material_of_their_own_are_told_of() {
+    let project = project("");
+    project.write("recipes/m.obj", sphere() + "v 1.2 -0.1 0\nv 1.5 0.1 0\nv 1.2 0.1 0.2\nf 267 268 269\n");
+    let plain = recipe("", "24.0");
+    project.write("recipes/one.toml", format!("{}[uv_sets]\n", &plain[..plain.find("[atlas]").expect("there")]));
+    project.kiln(&["bake"]).expect(0);
+    let report: Value = serde_json::from_slice(&project.read("out/one/report.json")).expect("JSON");
+    assert_eq!(report["synthesis"]["periodic"]["components_without_material"], 1);
+    let facts = project.kiln(&["inspect", "out/one/one.uvsets.glb"]).expect(0).out;
+    assert!(facts.contains("components without material 1"), "{facts}");
+}
+
+#[test]
 fn a_changed_effect_area_leaves_the_whole_as_it_is() {
     let area = |up: &str| format!("orientation = [{{ at = [0, 0, 1], up = {up}, radius = 0.7 }}]");
     let project = project(&area("[1, 0.5, 0]"));

@@ -70,6 +70,10 @@ fn a_recipe_of_keys_writes_textures_and_strips() {
     let word = |file: &[u8], at: usize| u32::from_le_bytes([0, 1, 2, 3].map(|i| file[at + i]));
     // Format sRGB, sides, depth, no array, one level.
     assert_eq!([12, 20, 24, 28, 32, 40].map(|at| word(&volume, at)), [43, 32, 32, 4, 0, 1]);
+    let told = project.kiln(&["inspect", "out/t/t.tile.ktx2", "--format", "json"]).expect(0).out;
+    for part in ["\"KTX2 texture\"", "\"3d\"", "\"layers\":4", "\"size\":[32,32]", "sRGB"] {
+        assert!(told.contains(part), "{part} in {told}");
+    }
     let files = project.files("out");
     let bytes: Vec<Vec<u8>> = files.iter().map(|f| project.read(f)).collect();
     for jobs in ["1", "3"] {

@@ -1,4 +1,4 @@
-//! `kiln inspect`: what is in a mesh, an exemplar, a jump map, a field or a bake.
+//! `kiln inspect`: what is in a mesh, an exemplar, a jump map, a tile, a field or a bake.
 
 use std::path::Path;
 
@@ -12,11 +12,13 @@ use crate::field::{Laid, Singularity, Symmetry};
 use crate::io::artefact::Artefact;
 use crate::io::image_file::{Compression, Format as Picture, Limits, Transfer, decode_pixels, encode_png};
 use crate::io::image_set::{Options, Slot, load};
+use crate::io::ktx2::Ktx2Header;
 use crate::io::scene::Document;
 use crate::io::{Pixels, Samples, named};
 use crate::mesh::{PrepareParams, Topology, check::census, prepare};
 use crate::numerics::par;
 use crate::numerics::rng::Key;
+use crate::stage::tile;
 use crate::synth::rendering_sequence::{CACHE, acmr};
 use crate::texture::{MapKind, Wrap};
 use crate::tile::{Mask, find_features, seamless};
@@ -61,6 +63,12 @@ pub(super) fn run(global: &Global, args: &Inspect) -> Result<Done, Stop> {
         jump_map(path, &bytes)?
     } else if Laid::is_one(&bytes) {
         field(path, &bytes)?
+    } else if let Some(read) = tile::described(&bytes) {
+        let mut facts = read.map_err(|e| Stop::Failed(format!("{}: {e}", path.display())))?;
+        (facts["file"], facts["kind"]) = (json!(path.display().to_string()), json!("tile"));
+        facts
+    } else if let Some(header) = Ktx2Header::read(&bytes) {
+        layered(path, &header, bytes.len())
     } else {
         scene(path, &bytes)?
     };
@@ -174,6 +182,32 @@ fn texton_picture(map: &TextonMap) -> Result<Vec<u8>, Stop> {
     encode_png(&pixels, Compression::Fast, Transfer::Srgb).map_err(|e| Stop::Failed(e.to_string()))
 }
 
+fn layered(path: &Path, header: &Ktx2Header, bytes: usize) -> Value {
+    let Ktx2Header { format, width, height, depth, layers, faces, levels } = *header;
+    let shape = match (depth, layers, faces) {
+        (0, 0, 6) => "cube",
+        (0, 0, _) => "2d",
+        (0, _, 6) => "cube-array",
+        (0, _, _) => "2d-array",
+        _ => "3d",
+    };
+    let samples = match header.is_srgb() {
+        Some(true) => "RGBA, 8 bits, sRGB".to_string(),
+        Some(false) => "RGBA, 8 bits".to_string(),
+        None => format!("format {format} of Vulkan"),
+    };
+    json!({
+        "file": path.display().to_string(),
+        "kind": "KTX2 texture",
+        "shape": shape,
+        "size": [width, height],
+        "layers": depth.max(layers).max(1),
+        "levels": levels,
+        "samples": samples,
+        "bytes": bytes,
+    })
+}
+
 fn jump_map(path: &Path, bytes: &[u8]) -> Result<Value, Stop> {
     let map = JumpMap::from_bytes(bytes).map_err(|e| Stop::Failed(format!("{}: {e}", path.display())))?;
     let domain = map.domain();
@@ -264,6 +298,9 @@ fn scene(path: &Path, bytes: &[u8]) -> Result<Value, Stop> {
         facts["poles"] = count("pole");
         facts["t-junctions"] = count("t-junction");
         facts["poles and t-junctions"] = json!(found);
+    }
+    if let Some(count) = report["synthesis"]["periodic"].get("components_without_material") {
+        facts["components without material"] = count.clone();
     }
     // The facts of the surface need one that can be textured.
     let Ok(surface) = document.surface(None) else { return Ok(facts) };

@@ -23,7 +23,8 @@ pub use error::{Error, Which};
 pub use orientation::{
     OrientationConstraint, SingularityConstraint, SingularityKind, orientation, orientation_in_areas,
 };
-pub use scalar::{ScalarConstraint, interpolate, scale};
+pub(crate) use relax::cotangent_weights;
+pub use scalar::{Elsewhere, ScalarConstraint, components_without, interpolate, scale};
 pub use singularity::{Singularity, singular_points, singularities};
 
 /// The orientation and scale of the sample at each vertex (`[ZG03]` section 3).

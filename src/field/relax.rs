@@ -39,7 +39,7 @@ pub(super) struct Pin {
 }
 
 /// Half the sum of the cotangents opposite to each edge, clamped; the same for both half-edges.
-pub(super) fn cotangent_weights(mesh: &TriMesh, topo: &Topology) -> Vec<f64> {
+pub(crate) fn cotangent_weights(mesh: &TriMesh, topo: &Topology) -> Vec<f64> {
     let mut weights = vec![0.0; topo.half_edge_count()];
     for (f, face) in mesh.faces.iter().enumerate() {
         let p = mesh.corners(f);

@@ -10,6 +10,7 @@ use super::{Error, Which, site};
 use crate::mesh::{Topology, TriMesh, check};
 use crate::numerics::csr::{Complex, complex};
 use crate::numerics::det;
+use crate::numerics::par;
 use crate::numerics::vec::Vec3;
 
 /// A value at a point of the surface.
@@ -23,17 +24,28 @@ pub struct ScalarConstraint {
     pub radius: Option<f64>,
 }
 
-/// Interpolates values over the surface. A component without a constraint without radius has the value `default`, but
-/// within the radius of those with. Every value lies between the least and the greatest of those given and the default.
+/// What a component has that no constraint without a radius sits on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Elsewhere {
+    /// This value.
+    Value(f64),
+    /// The mean of the values without a radius, each by the inverse square of its distance in a straight line (Shepard
+    /// 1968), so that parts which do not touch vary together; this value if all have a radius.
+    Around(f64),
+}
+
+/// Interpolates values over the surface. A component without a constraint without radius has what `elsewhere` says, but
+/// within the radius of those with. Every value lies between the least and the greatest of those given and that.
 /// `list` names the constraints in errors.
 pub fn interpolate(
     mesh: &TriMesh,
     topo: &Topology,
     list: &'static str,
     constraints: &[ScalarConstraint],
-    default: f64,
+    elsewhere: Elsewhere,
 ) -> Result<Vec<f64>, Error> {
     let n = topo.vertex_count();
+    let (Elsewhere::Value(default) | Elsewhere::Around(default)) = elsewhere;
     if constraints.is_empty() {
         return Ok(vec![default; n]);
     }
@@ -49,17 +61,59 @@ pub fn interpolate(
     let coupling = Coupling { weights: cotangent_weights(mesh, topo), transport: ones };
     let pin = |(s, c): (&site::Site, &ScalarConstraint)| disc(mesh, topo, &coupling, s, complex(c.value, 0.0));
     let pins: Vec<Pin> = sites.iter().zip(constraints).map(pin).collect();
-    let (labels, count) = check::components(topo);
-    let mut ruled = vec![false; count];
-    sites.iter().filter(|s| s.radius.is_none()).for_each(|s| ruled[labels[s.vertex as usize] as usize] = true);
+    let (labels, ruled) = ruled(topo, &sites);
     let free: Vec<bool> = labels.iter().map(|&l| ruled[l as usize]).collect();
-    let mut z = vec![complex(default, 0.0); n];
+    let everywhere: Vec<_> = constraints.iter().filter(|c| c.radius.is_none()).collect();
+    let around = elsewhere == Elsewhere::Around(default) && !everywhere.is_empty();
+    let mut z = par::map(n, |v| match around && !free[v] {
+        true => complex(mean_around(mesh.positions[v], &everywhere), 0.0),
+        false => complex(default, 0.0),
+    });
     let guide = vec![Guide::default(); n];
     relax(mesh, topo, &coupling, &pins, &free, [&guide, &guide], &mut z);
 
     // Harmonic values lie between those given; the solver's error must not change that.
     let (low, high) = constraints.iter().fold((default, default), |(l, h), c| (l.min(c.value), h.max(c.value)));
     Ok(z.iter().map(|z| z.re.clamp(low, high)).collect())
+}
+
+/// The component of each vertex, and whether a place without radius lies on it, per component.
+fn ruled(topo: &Topology, sites: &[site::Site]) -> (Vec<u32>, Vec<bool>) {
+    let (labels, count) = check::components(topo);
+    let mut ruled = vec![false; count];
+    sites.iter().filter(|s| s.radius.is_none()).for_each(|s| ruled[labels[s.vertex as usize] as usize] = true);
+    (labels, ruled)
+}
+
+/// Number of components with faces that no constraint without a radius sits on.
+pub fn components_without(
+    mesh: &TriMesh,
+    topo: &Topology,
+    list: &'static str,
+    constraints: &[ScalarConstraint],
+) -> Result<usize, Error> {
+    let wanted = constraints.iter().enumerate().map(|(index, c)| (Which { list, index }, c.at, c.radius));
+    let sites = site::sites(mesh, &wanted.collect::<Vec<_>>())?;
+    let (labels, ruled) = ruled(topo, &sites);
+    let mut faces = vec![false; ruled.len()];
+    mesh.faces.iter().for_each(|f| faces[labels[f[0] as usize] as usize] = true);
+    Ok(faces.iter().zip(&ruled).filter(|(faces, ruled)| **faces && !**ruled).count())
+}
+
+/// The mean of values by the inverse square of their distance.
+fn mean_around(at: Vec3, constraints: &[&ScalarConstraint]) -> f64 {
+    let (mut sum, mut weights) = (0.0, 0.0);
+    for c in constraints {
+        let away = c.at - at;
+        let weight = 1.0 / away.dot(away).max(f64::MIN_POSITIVE);
+        // Where the point itself lies, nothing else counts.
+        if weight > 1e300 {
+            return c.value;
+        }
+        sum += weight * c.value;
+        weights += weight;
+    }
+    sum / weights
 }
 
 /// Refuses two values at one vertex, both with or both without a radius.
@@ -93,7 +147,7 @@ pub fn scale(mesh: &TriMesh, topo: &Topology, mean: f64, factors: &[ScalarConstr
         }
         logs.push(ScalarConstraint { value: det::ln(c.value), ..*c });
     }
-    let logs = interpolate(mesh, topo, "scale", &logs, 0.0)?;
+    let logs = interpolate(mesh, topo, "scale", &logs, Elsewhere::Value(0.0))?;
     Ok(logs.iter().map(|&l| (mean * det::exp(l)) as f32).collect())
 }
 
@@ -150,6 +204,30 @@ mod tests {
     }
 
     #[test]
+    fn a_component_without_a_word_of_its_own_goes_by_what_is_around() {
+        // Three planes beside each other; the outer ones have constraints.
+        let mut m = zoo::plane(4, 4);
+        let (one, n) = (m.clone(), m.positions.len());
+        for k in 1..3u32 {
+            m.positions.extend(one.positions.iter().map(|p| vec3(p.x + 10.0 * f64::from(k), p.y, p.z)));
+            m.faces.extend(one.faces.iter().map(|f| f.map(|v| v + k * n as u32)));
+        }
+        m.positions.push(vec3(0., 0., 9.));
+        let topo = Topology::new(&m);
+        let c = [at(2., 2., 0.2, None), at(22., 2., 0.6, None), at(12., 2., 0.9, Some(1.5))];
+        let run = |c: &[ScalarConstraint], e| interpolate(&m, &topo, "material", c, e).unwrap();
+        let (around, value) = (run(&c, Elsewhere::Around(0.0)), run(&c, Elsewhere::Value(0.0)));
+        assert!((0..n).all(|v| around[v] == value[v] && (around[v] - 0.2).abs() < 1e-6));
+        let middle = |v: usize| around[n + v];
+        // At (12, 4), as far from one as from the other, and beyond the third one's radius.
+        assert!((middle(22) - 0.4).abs() < 1e-12 && (middle(12) - 0.9).abs() < 1e-12, "{}", middle(22));
+        assert!(value[n + 22] == 0.0 && around[n] < 0.4 && around[n + 4] > 0.4);
+        assert_eq!(components_without(&m, &topo, "material", &c), Ok(1));
+        assert_eq!(components_without(&m, &topo, "material", &c[2..]), Ok(3));
+        assert!(run(&c[2..], Elsewhere::Around(0.5))[..n].iter().all(|&m| m == 0.5));
+    }
+
+    #[test]
     fn bad_factors_are_named() {
         let m = zoo::plane(2, 2);
         let topo = Topology::new(&m);
@@ -162,7 +240,7 @@ mod tests {
         assert!(scale(&m, &topo, 1.0, &[at(0., 0., 1.0, None), at(0., 0., 2.0, Some(0.5))]).is_ok());
         assert!(matches!(scale(&m, &topo, f64::NAN, &[]), Err(Error::Scale(_))));
         assert!(matches!(
-            interpolate(&m, &topo, "material", &[at(0., 0., f64::NAN, None)], 0.0),
+            interpolate(&m, &topo, "material", &[at(0., 0., f64::NAN, None)], Elsewhere::Value(0.0)),
             Err(Error::NotFinite(_))
         ));
     }

@@ -1,7 +1,7 @@
 //! KTX2 files of uncompressed textures with layers: 3D textures and 2D arrays of RGBA, 8 bits each.
 //!
 //! Source: Khronos Texture File Format Specification 2.0; Khronos Data Format Specification 1.3 for the descriptor.
-//! In: the samples of every layer at every mip level. Out: the bytes of a file.
+//! In: the samples of every layer at every mip level. Out: the bytes of a file; of any such file what its header says.
 //! Levels are stored smallest first, aligned to a texel; sRGB stands both in the format and in the descriptor. The mips of
 //! a 3D texture would halve its layers as well, and mix materials: it has none here, and who wants mips takes an array.
 //! Unaware of: what the texture shows, how mips are made.
@@ -40,6 +40,45 @@ const VK_FORMAT_R8G8B8A8_SRGB: u32 = 43;
 const FIXED: usize = 80;
 /// Bytes of a level's entry in the index.
 const LEVEL_ENTRY: usize = 24;
+
+/// What a file's header says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Ktx2Header {
+    /// Number of the format, as Vulkan counts them; 0: of none of these.
+    pub format: u32,
+    /// Texels per row of the first level.
+    pub width: u32,
+    /// Rows of the first level; 0 of a texture with one axis.
+    pub height: u32,
+    /// Layers of a 3D texture; 0: it is none.
+    pub depth: u32,
+    /// Layers of an array; 0: it is none.
+    pub layers: u32,
+    /// Faces: 6 of a cube, else 1.
+    pub faces: u32,
+    /// Levels in the file; 0 asks the reader to make all below the first.
+    pub levels: u32,
+}
+
+impl Ktx2Header {
+    /// Of a file that starts as a KTX2 file does; `None`: it does not.
+    pub fn read(bytes: &[u8]) -> Option<Self> {
+        let words = bytes.strip_prefix(&IDENTIFIER)?.first_chunk::<32>()?;
+        let word = |i: usize| u32::from_le_bytes([0, 1, 2, 3].map(|b| words[4 * i + b]));
+        let [format, width, height, depth] = [0, 2, 3, 4].map(word);
+        let [layers, faces, levels] = [5, 6, 7].map(word);
+        Some(Ktx2Header { format, width, height, depth, layers, faces, levels })
+    }
+
+    /// Whether red, green and blue are sRGB, of the formats that are written here; `None`: of another format.
+    pub fn is_srgb(&self) -> Option<bool> {
+        match self.format {
+            VK_FORMAT_R8G8B8A8_UNORM => Some(false),
+            VK_FORMAT_R8G8B8A8_SRGB => Some(true),
+            _ => None,
+        }
+    }
+}
 
 /// Why a texture is no KTX2 file.
 #[derive(Clone, Debug, PartialEq)]
@@ -174,6 +213,9 @@ mod tests {
         assert_eq!(file[..12], IDENTIFIER);
         let header: Vec<u32> = (0..9).map(|i| word(&file, 12 + 4 * i)).collect();
         assert_eq!(header, [VK_FORMAT_R8G8B8A8_SRGB, 1, 5, 2, 0, 3, 1, 3, 0]);
+        let read = Ktx2Header { format: 43, width: 5, height: 2, depth: 0, layers: 3, faces: 1, levels: 3 };
+        assert_eq!((Ktx2Header::read(&file), read.is_srgb()), (Some(read), Some(true)));
+        assert!(Ktx2Header::read(&file[..40]).is_none() && Ktx2Header::read(&file[1..]).is_none());
         let mut ends = Vec::new();
         for (i, level) in texture.levels.iter().enumerate() {
             let [at, len] = [0, 8].map(|j| word(&file, 80 + 24 * i + j) as usize);

@@ -8,7 +8,7 @@
 //! Unaware of: constraints, how the fields came about.
 
 use super::guide::{Guide, Wanted};
-use super::{Error, Fault, Parametrization, check, periodic, recover, singular};
+use super::{Error, Fault, Parametrization, check, curl, periodic, recover, singular};
 use crate::field::{Field, Symmetry};
 use crate::mesh::{Topology, TriMesh};
 use crate::numerics::vec::Vec3;
@@ -46,16 +46,20 @@ impl Parametrization {
         // Between two locked vertices all stays as it was.
         let is_open: Vec<bool> = area.vertices.iter().map(|v| open.binary_search(v).is_ok()).collect();
         let global = |v: u32, n: u32| wanted.topo.find(area.vertices[v as usize], area.vertices[n as usize]);
+        let mut edges = vec![];
         for v in 0..area.vertices.len() as u32 {
             for h in area.topo.half_edges(v) {
                 let n = area.topo.target(h);
                 let Some(there) = global(v, n) else { continue };
-                match is_open[v as usize] || is_open[n as usize] {
-                    true => self.steps[there] = guide.steps[h],
-                    false => guide.steps[h] = self.steps[there],
+                let free = is_open[v as usize] || is_open[n as usize];
+                edges.push((h, there, free));
+                if !free {
+                    guide.steps[h] = self.steps[there];
                 }
             }
         }
+        curl::lessen(&inner, &mut guide, &|v| is_open[v as usize]);
+        edges.iter().filter(|e| e.2).for_each(|&(h, there, _)| self.steps[there] = guide.steps[h]);
         let mut phases: Vec<_> = area.vertices.iter().map(|&v| self.phases[v as usize]).collect();
         let inside: Vec<u32> = (0..).zip(&is_open).filter(|(_, open)| **open).map(|(v, _)| v).collect();
         let bounded = is_open.contains(&false);

@@ -10,13 +10,10 @@
 //! what is carried to a neighbour is turned by the quarters that bring the frames nearest to each other.
 //! Unaware of: the coordinates that come of it.
 
-use crate::field::{Field, Symmetry};
+use crate::field::{Field, Symmetry, cotangent_weights};
 use crate::mesh::{Topology, TriMesh};
 use crate::numerics::par;
 use crate::numerics::vec::{Vec2, Vec3, vec2};
-
-/// Faces of less area than this share of the mean weigh as if they had it, so that no vertex is left uncoupled.
-const LEAST_AREA: f64 = 1e-6;
 
 /// Coordinates (right, down) in a frame that was turned by so many quarters counter-clockwise, as seen from the frame
 /// itself.
@@ -49,7 +46,7 @@ pub(super) struct Guide {
     pub steps: Vec<Vec2>,
     /// Quarter turns counter-clockwise that bring the target's frame nearest to the vertex's.
     pub quarters: Vec<u8>,
-    /// Area of the faces at the edge, positive.
+    /// Cotangent weight of the edge, positive.
     pub weights: Vec<f64>,
 }
 
@@ -113,38 +110,31 @@ impl Wanted<'_> {
     /// The wanted change along every edge.
     pub fn guide(&self) -> Guide {
         let (mesh, topo) = (self.mesh, self.topo);
-        let areas = par::map(mesh.faces.len(), |f| mesh.area(f));
-        let least = areas.iter().sum::<f64>() / areas.len().max(1) as f64 * LEAST_AREA;
-        let least = least.max(f64::MIN_POSITIVE);
+        let weights = cotangent_weights(mesh, topo);
         // From the lower end, in its frame.
         let of = |v: u32, n: u32| {
             let edge = mesh.positions[n as usize] - mesh.positions[v as usize];
-            let (mut step, mut weight, mut faces) = (Vec2::ZERO, 0.0, 0.0);
+            let (mut step, mut faces) = (Vec2::ZERO, 0.0);
             for &f in topo.faces(v).iter().filter(|&&f| mesh.faces[f as usize].contains(&n)) {
                 let [s, t] = self.gradients(f as usize, v);
                 step += vec2(edge.dot(s), edge.dot(t));
-                weight += areas[f as usize].max(least);
                 faces += 1.0;
             }
-            (step / f64::max(faces, 1.0), self.quarters(v, n), weight.max(least))
+            (step / f64::max(faces, 1.0), self.quarters(v, n))
         };
         let starts = |r: std::ops::Range<usize>| {
             r.flat_map(|v| topo.neighbours(v as u32).iter().map(move |&n| (v as u32, n)))
-                .map(|(v, n)| if v < n { of(v, n) } else { (Vec2::ZERO, 0, 0.0) })
+                .map(|(v, n)| if v < n { of(v, n) } else { (Vec2::ZERO, 0) })
                 .collect::<Vec<_>>()
         };
         let rows: Vec<_> = par::map_chunks(topo.vertex_count(), 1024, starts).into_iter().flatten().collect();
-        let mut guide = Guide {
-            steps: rows.iter().map(|r| r.0).collect(),
-            quarters: rows.iter().map(|r| r.1).collect(),
-            weights: rows.iter().map(|r| r.2).collect(),
-        };
+        let mut guide =
+            Guide { steps: rows.iter().map(|r| r.0).collect(), quarters: rows.iter().map(|r| r.1).collect(), weights };
         for v in 0..topo.vertex_count() as u32 {
             for h in topo.half_edges(v).filter(|&h| topo.target(h) < v) {
                 let Some(back) = topo.find(topo.target(h), v) else { continue };
                 guide.quarters[h] = (4 - guide.quarters[back]) % 4;
                 guide.steps[h] = guide.seen(h, -guide.steps[back]);
-                guide.weights[h] = guide.weights[back];
             }
         }
         guide

@@ -3,11 +3,12 @@
 //! Source: `[MST09]` 2.2 (Laplacian smoothing of the user's values, clamped to 0..1) and figure 14: a tile whose layers
 //! share one mask hides its period if m varies over the surface for no reason.
 //! Reads as: values between constraints are harmonic, so that none lies beyond those given, and the clamp is only
-//! against rounding. Without a constraint m is 0, the first key.
+//! against rounding. Without a constraint m is 0, the first key. Parts of a building that do not touch should weather as
+//! those around them: a component without a constraint goes by all of them, the nearer the more.
 //! Unaware of: layers.
 
 use super::Error;
-use crate::field::{self, ScalarConstraint};
+use crate::field::{self, Elsewhere, ScalarConstraint};
 use crate::mesh::{Topology, TriMesh};
 use crate::numerics::par;
 use crate::numerics::rng::Key;
@@ -22,7 +23,7 @@ pub fn material(
     if let Some(index) = constraints.iter().position(|c| !(0.0..=1.0).contains(&c.value)) {
         return Err(Error::Material { index, value: constraints[index].value }.into());
     }
-    let m = field::interpolate(mesh, topo, "material", constraints, 0.0)?;
+    let m = field::interpolate(mesh, topo, "material", constraints, Elsewhere::Around(0.0))?;
     Ok(m.iter().map(|m| m.clamp(0.0, 1.0) as f32).collect())
 }
 

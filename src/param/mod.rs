@@ -4,13 +4,14 @@
 //! coordinates that every output starts from ([`Parametrization::sets`]).
 //!
 //! ```text
-//! field --guide--> wanted change along edges --periodic--> angles at vertices --recover--> corners of faces
-//!                                                                                              |
-//!                                                     1-rings that are not valid <--singular---'
+//! field --guide, curl--> wanted change along edges --periodic--> angles at vertices --recover--> corners of faces
+//!                                                                                                    |
+//!                                                           1-rings that are not valid <--singular---'
 //! ```
 //!
 //! `effect` does the same within an area, all else locked. Unaware of: what is in the tile, files.
 
+mod curl;
 mod effect;
 mod error;
 mod guide;
@@ -43,7 +44,7 @@ pub struct Parametrization {
     pub phases: Vec<Phases>,
     /// The same in periods, -0.5..=0.5.
     pub at: Vec<Vec2>,
-    /// Wanted change along each half-edge, in the frame of its vertex.
+    /// Wanted change along each half-edge, in the frame of its vertex; with less curl than the field's.
     pub steps: Vec<Vec2>,
     /// Coordinates of each face's corners, in the frame of the first.
     pub corners: Vec<[Vec2; 3]>,
@@ -68,7 +69,8 @@ pub fn parametrize(
 ) -> Result<Parametrization, Error> {
     let wanted = Wanted { mesh, topo, normals, field, symmetry, tile };
     check(&wanted)?;
-    let guide = wanted.guide();
+    let mut guide = wanted.guide();
+    curl::lessen(&wanted, &mut guide, &|_| true);
     let mut z = vec![[Complex::ONE; 2]; topo.vertex_count()];
     // One vertex of each component is locked, the lowest.
     let (labels, count) = crate::mesh::check::components(topo);

@@ -2,8 +2,10 @@
 //!
 //! Source: `[MST09]` 2.3, Eq. 3 and F_PGP; Ray et al. 2006 (Periodic Global Parameterization). In: the wanted change along
 //! each edge. Out: per vertex two complex numbers of absolute value 1 whose angles are s and t.
-//! Reads as: the matrix of Eq. 3 turns [cos, sin] by -alpha; it must turn by +alpha, as a flat grid shows. The weight of
-//! an edge is the area of its triangles.
+//! Reads as: the matrix of Eq. 3 turns [cos, sin] by -alpha; it must turn by +alpha, as a flat grid shows. The printed
+//! weight of an edge, the area of its triangles, draws the coordinates askew wherever triangles are not all alike; with
+//! cotangents the sum is the energy of the surface's own gradients (Ray et al. 2006), and a third fewer triangles need
+//! three look-ups: at 20 periods to the diagonal 10.6 % for 15.5 % of rocker-arm.
 //!
 //! The paper locks one vertex of the whole and takes the angles of the least squares solution. Where the wanted changes
 //! do not close up around triangles, that solution dies away from the locked vertex, faster than any solver follows:

@@ -5,7 +5,7 @@
 //! its field, and the rest keeps its coordinates.
 
 use crate::build::{Inputs, Step, StepError, Visitor};
-use crate::field::{Laid, ScalarConstraint, singularities};
+use crate::field::{Laid, ScalarConstraint, components_without, singularities};
 use crate::io::artefact::{Artefact, Damaged, Reader, Writer};
 use crate::mesh::Topology;
 use crate::numerics::csr::complex;
@@ -100,7 +100,7 @@ pub(super) struct Parametrise {
 }
 
 impl Step for Parametrise {
-    super::step_identity!("parametrise", 1, travels);
+    super::step_identity!("parametrise", 2, travels);
 
     fn describe(&self, _: &mut dyn Visitor) {}
 
@@ -120,7 +120,7 @@ pub(super) struct FollowAreas {
 }
 
 impl Step for FollowAreas {
-    super::step_identity!("effect areas", 1);
+    super::step_identity!("effect areas", 2);
 
     fn describe(&self, _: &mut dyn Visitor) {}
 
@@ -145,7 +145,7 @@ pub(super) struct PlaceInTile {
 }
 
 impl Step for PlaceInTile {
-    super::step_identity!("place in tile", 1);
+    super::step_identity!("place in tile", 2);
 
     fn describe(&self, v: &mut dyn Visitor) {
         v.param("material", &self.material);
@@ -164,12 +164,17 @@ impl Step for PlaceInTile {
             }
             None => param::material(mesh, &topo, &self.material)?,
         };
+        let unsaid = match self.material.is_empty() {
+            true => 0,
+            false => components_without(mesh, &topo, "material", &self.material)? as u64,
+        };
         let sets = coordinates.sets(mesh, &topo, &material)?;
         let count = |of: &dyn Fn(usize) -> bool| (0..mesh.faces.len()).filter(|f| of(*f)).count() as u64;
         let counters = Counters::Periodic {
             distorted: count(&|f| coordinates.faults[f].distorted),
             winding: count(&|f| !coordinates.faults[f].around.closes()),
             three_look_ups: count(&|f| coordinates.look_ups(mesh, f) == 3),
+            unsaid,
         };
         Ok(Synthesised { sets, counters, metric: vec![] }.to_bytes())
     }

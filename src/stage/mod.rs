@@ -47,7 +47,7 @@ mod surface;
 mod synthesise;
 mod texton;
 mod texton_quilt;
-mod tile;
+pub(crate) mod tile;
 mod unwrap;
 
 use crate::build::{Inputs, StepError};

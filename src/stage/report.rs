@@ -124,8 +124,11 @@ fn described(counters: &Counters, analysis: &[u8]) -> Result<(Value, Option<Coun
             (sample, Some(("quilt", quilt)))
         }
         Counters::Taken => (exemplar(&JumpMap::from_bytes(analysis)?), None),
-        Counters::Periodic { distorted, winding, three_look_ups } => {
-            let periodic = json!({ "distorted": distorted, "winding": winding, "three_look_ups": three_look_ups });
+        Counters::Periodic { distorted, winding, three_look_ups, unsaid } => {
+            let mut periodic = json!({ "distorted": distorted, "winding": winding, "three_look_ups": three_look_ups });
+            if *unsaid > 0 {
+                periodic["components_without_material"] = json!(unsaid);
+            }
             (facts(&MadeTile::from_bytes(analysis)?), Some(("periodic", periodic)))
         }
     })

@@ -60,8 +60,9 @@ pub(super) enum Counters {
     /// A quilt of faces; how many there were before edges were blended, how many edges are, and the mean continuity error
     /// of all edges before.
     Quilt { quilt: QuiltCounters, faces: u64, blended: u64, edge_error: f64 },
-    /// Periodic coordinates: faces beyond the bound, faces around which they wind, faces shown by three look-ups.
-    Periodic { distorted: u64, winding: u64, three_look_ups: u64 },
+    /// Periodic coordinates: faces beyond the bound, faces around which they wind, faces shown by three look-ups;
+    /// components that no material constraint sits on though there are some.
+    Periodic { distorted: u64, winding: u64, three_look_ups: u64, unsaid: u64 },
     /// Nothing was synthesised: the finest level's result was taken over.
     Taken,
 }
@@ -103,9 +104,9 @@ impl Artefact for Synthesised {
                 to.put(edge_error);
             }
             Counters::Taken => to.put(3u8),
-            Counters::Periodic { distorted, winding, three_look_ups } => {
+            Counters::Periodic { distorted, winding, three_look_ups, unsaid } => {
                 to.put(2u8);
-                to.put([distorted, winding, three_look_ups]);
+                to.put([distorted, winding, three_look_ups, unsaid]);
             }
         }
         to.slice(&self.metric);
@@ -127,8 +128,8 @@ impl Artefact for Synthesised {
             }
             3 => Counters::Taken,
             2 => {
-                let [distorted, winding, three_look_ups] = from.get()?;
-                Counters::Periodic { distorted, winding, three_look_ups }
+                let [distorted, winding, three_look_ups, unsaid] = from.get()?;
+                Counters::Periodic { distorted, winding, three_look_ups, unsaid }
             }
             kind => return Err(Damaged(format!("counters of kind {kind}"))),
         };

@@ -269,6 +269,11 @@ impl Step for ReportTile {
     }
 }
 
+/// The tile that an artefact of the cache holds, in numbers; `None`: it holds none.
+pub(crate) fn described(artefact: &[u8]) -> Option<Result<serde_json::Value, Damaged>> {
+    MadeTile::is_one(artefact).then(|| MadeTile::from_bytes(artefact).map(|made| facts(&made)))
+}
+
 /// A tile in numbers.
 pub(super) fn facts(MadeTile { tile, report }: &MadeTile) -> serde_json::Value {
     let key = |k: &KeyReport| {
@@ -316,6 +321,8 @@ mod tests {
         for cut in 0..bytes.len() {
             assert!(MadeTile::from_bytes(&bytes[..cut]).is_err(), "cut at {cut}");
         }
+        assert_eq!(described(&bytes), Some(Ok(facts(&made))));
+        assert!(matches!(described(&bytes[..40]), Some(Err(_))) && described(b"none").is_none());
         assert_eq!(Tile::from_bytes(&made.tile.to_bytes()), Ok(made.tile));
     }
 
