@@ -4,7 +4,6 @@ use crate::field::{Field, Symmetry};
 use crate::mesh::zoo;
 use crate::numerics::vec::vec3;
 use crate::texture::{MapKind, MapSet, Texture, Wrap};
-use std::time::Instant;
 
 fn noise(x: u32, y: u32) -> f32 {
     let key = Key::new(11);
