@@ -21,7 +21,11 @@ fn png([w, h]: [u32; 2], value: impl Fn(u32, u32) -> [u8; 3]) -> Vec<u8> {
 fn bricks(x: u32, y: u32) -> [u8; 3] {
     let row = y / 6;
     let (x, brick) = (x + row % 2 * 6, (x + row % 2 * 6) / 12);
-    if y.is_multiple_of(6) || x.is_multiple_of(12) { [180, 178, 170] } else { [110 + (brick * 37 + row * 61) as u8 % 90, 60, 50] }
+    if y.is_multiple_of(6) || x.is_multiple_of(12) {
+        [180, 178, 170]
+    } else {
+        [110 + (brick * 37 + row * 61) as u8 % 90, 60, 50]
+    }
 }
 
 fn recipe(analysis: &str, synthesis: &str, outputs: &str) -> String {
