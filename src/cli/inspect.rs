@@ -19,7 +19,7 @@ use crate::mesh::{PrepareParams, Topology, check::census, prepare};
 use crate::numerics::par;
 use crate::numerics::rng::Key;
 use crate::stage::tile;
-use crate::synth::rendering_sequence::{CACHE, acmr};
+use crate::synth::mesh::rendering_sequence::{CACHE, acmr};
 use crate::texture::{MapKind, Wrap};
 use crate::tile::{Mask, find_features, seamless};
 

@@ -14,12 +14,12 @@ use crate::recipe::{Blend, BlendSize, CanvasOrder, MapFile};
 use crate::stage::control;
 use crate::stage::painting::{Painting, Picture};
 use crate::stage::sheet::Stacked;
-use crate::synth::image_canvas::{ImageCanvas, ImageTask};
-use crate::synth::image_copy::BlendKernel;
-use crate::synth::image_order::ImageOrder;
-use crate::synth::image_walk::ImageWalkParams;
-use crate::synth::source_map::{ImageCounters, Rect, SourceMap};
-use crate::synth::source_strips::SourceStrips;
+use crate::synth::image::canvas::{ImageCanvas, ImageTask};
+use crate::synth::image::copy::BlendKernel;
+use crate::synth::image::order::ImageOrder;
+use crate::synth::image::source_map::{ImageCounters, Rect, SourceMap};
+use crate::synth::image::source_strips::SourceStrips;
+use crate::synth::image::walk::ImageWalkParams;
 use crate::tile::{Seamless, seamless};
 
 use super::args::{Global, Region, Size, Synth};

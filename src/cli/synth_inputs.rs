@@ -15,7 +15,7 @@ use crate::io::image_set::{Options, Slot, load};
 use crate::recipe::{MapFile, limits};
 use crate::stage::control::{self, Named};
 use crate::stage::sheet::Stacked;
-use crate::synth::guide::Guide;
+use crate::synth::image::guide::Guide;
 use crate::texture::MapSet;
 
 use super::Stop;

@@ -10,7 +10,7 @@ use std::fmt;
 
 use super::image_file::{Compression, ImageError, Limits, Transfer, encode_png};
 use super::{Pixels, Samples, image_png};
-use crate::synth::source_map::SourceMap;
+use crate::synth::image::source_map::SourceMap;
 
 /// A source may take 1.5 GiB as a picture: 16384 x 16384 pixels of three times 16 bits. It is read row by row.
 const LIMITS: Limits = Limits { max_side: 16384, max_bytes: 3 << 29 };

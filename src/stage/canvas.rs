@@ -8,12 +8,12 @@ use crate::exemplar::{AnalysisParams, JumpMap};
 use crate::io::artefact::{Artefact, Damaged, Reader, Writer};
 use crate::io::image_file::{Limits, decode_pixels};
 use crate::io::image_strips::Container;
-use crate::synth::image_canvas::{ImageCanvas, ImageTask};
-use crate::synth::image_copy::BlendKernel;
-use crate::synth::image_order::ImageOrder;
-use crate::synth::image_walk::ImageWalkParams;
-use crate::synth::source_map::{ImageCounters, Rect};
-use crate::synth::source_strips::SourceStrips;
+use crate::synth::image::canvas::{ImageCanvas, ImageTask};
+use crate::synth::image::copy::BlendKernel;
+use crate::synth::image::order::ImageOrder;
+use crate::synth::image::source_map::{ImageCounters, Rect};
+use crate::synth::image::source_strips::SourceStrips;
+use crate::synth::image::walk::ImageWalkParams;
 use crate::texture::MapKind;
 
 use super::control::{self, Named};
@@ -197,7 +197,7 @@ impl Step for PaintImage {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synth::source_map::SourceMap;
+    use crate::synth::image::source_map::SourceMap;
 
     #[test]
     fn sources_survive_the_round_trip() {

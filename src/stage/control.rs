@@ -5,10 +5,10 @@
 use crate::build::Inputs;
 use crate::io::source_file::decode_sources;
 use crate::io::steering::{Picture, decode_picture};
-use crate::synth::guide::{Guide, GuideMap};
-use crate::synth::guide_light::{brightness, equivalents, luma, stretched};
-use crate::synth::mixture::{colour, mixture};
-use crate::synth::source_map::{Rect, SourceMap};
+use crate::synth::image::guide::{Guide, GuideMap};
+use crate::synth::image::guide_light::{brightness, equivalents, luma, stretched};
+use crate::synth::image::mixture::{colour, mixture};
+use crate::synth::image::source_map::{Rect, SourceMap};
 use crate::texture::{MapKind, MapSet, Texture};
 
 use super::sheet::Stacked;

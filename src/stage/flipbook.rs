@@ -8,9 +8,9 @@ use crate::exemplar::{AnalysisParams, JumpVolume, VolumeJump, analyse_flipbook, 
 use crate::io::artefact::{Artefact, Damaged, Reader, Writer};
 use crate::io::image_set::{self, Options, SetError, Slot};
 use crate::numerics::par;
-use crate::synth::volume_copy::{VolumeKernel, copy_frame};
-use crate::synth::volume_refine::refine;
-use crate::synth::volume_walk::{SourceVolume, VolumeCounters, VolumeWalkParams, walk};
+use crate::synth::volume::copy::{VolumeKernel, copy_frame};
+use crate::synth::volume::refine::refine;
+use crate::synth::volume::walk::{SourceVolume, VolumeCounters, VolumeWalkParams, walk};
 use crate::texture::{Flipbook, MapKind, MapSet, Texture};
 
 use super::compare::comparison;
@@ -293,7 +293,7 @@ impl Step for CopyFrame {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synth::image_order::ImageOrder;
+    use crate::synth::image::order::ImageOrder;
 
     fn set(maps: Vec<(MapKind, f32)>) -> MapSet {
         let map = |(kind, v): (MapKind, f32)| (kind, Texture::from_fn(2, 1, kind.channels(), |_, _, out| out.fill(v)));

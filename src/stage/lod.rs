@@ -2,7 +2,7 @@
 
 use crate::build::{Inputs, Step, StepError, Visitor};
 use crate::io::artefact::Artefact;
-use crate::synth::lod::transfer;
+use crate::synth::mesh::lod::transfer;
 
 use super::prepare::Prepared;
 use super::synthesise::{Counters, Synthesised};

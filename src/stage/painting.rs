@@ -19,9 +19,9 @@ use crate::io::source_file::source_pixels;
 use crate::io::{Pixels, SampleType, Samples};
 use crate::numerics::par;
 use crate::recipe::{CanvasDebug, MapFile, Word};
-use crate::synth::image_copy::{BlendKernel, Bounds, copy_bounded};
-use crate::synth::source_map::{Rect, SourceMap, Surroundings};
-use crate::synth::source_strips::SourceStrips;
+use crate::synth::image::copy::{BlendKernel, Bounds, copy_bounded};
+use crate::synth::image::source_map::{Rect, SourceMap, Surroundings};
+use crate::synth::image::source_strips::SourceStrips;
 use crate::texture::{MapKind, MapSet, Texture};
 
 use super::rasterise::encoding;

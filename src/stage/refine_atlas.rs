@@ -7,8 +7,8 @@ use crate::build::{Inputs, Step, StepError, Visitor};
 use crate::exemplar::{AnalysisParams, JumpMap};
 use crate::io::artefact::{Artefact, Damaged, Reader, Writer};
 use crate::mesh::Surface;
+use crate::synth::mesh::texel_refine::{Net, refine_texels};
 use crate::synth::seam_metric::SeamMetrics;
-use crate::synth::texel_refine::{Net, refine_texels};
 use crate::texture::{MapKind, MapSet, Texel};
 
 use super::prepare::Prepared;

@@ -9,8 +9,8 @@ use crate::field::{Laid, Singularity};
 use crate::io::artefact::Artefact;
 use crate::mesh::Surface;
 use crate::param::{Kind, Parametrization, Singularity as Place};
-use crate::synth::source_map::ImageCounters;
-use crate::synth::source_strips::SourceStrips;
+use crate::synth::image::source_map::ImageCounters;
+use crate::synth::image::source_strips::SourceStrips;
 
 use super::material_space::places;
 use super::prepare::Prepared;

@@ -5,10 +5,10 @@
 use crate::build::{Inputs, Step, StepError, Visitor};
 use crate::exemplar::{AnalysisParams, Domain, Error, Sample, Sheet};
 use crate::io::artefact::{Artefact, Damaged, Reader, Writer};
-use crate::synth::guide::GuideMap;
-use crate::synth::image_copy::Bounds;
+use crate::synth::image::copy::Bounds;
+use crate::synth::image::guide::GuideMap;
+use crate::synth::image::source_map::{EMPTY, Rect};
 use crate::synth::seam_metric::SeamMetrics;
-use crate::synth::source_map::{EMPTY, Rect};
 use crate::texture::{MapKind, MapSet, Texture, Wrap};
 
 use super::control::{Named, mask};

@@ -12,7 +12,7 @@ pub enum Error {
     BorderBand(f64),
     /// Output size in pixels: sides at least 1, at most [`MAX_PIXELS`] in all.
     ImageSize([u32; 2]),
-    /// Width, height and frames of an output flipbook: at least 1 each, at most `volume_walk::MAX_VOLUME` in all.
+    /// Width, height and frames of an output flipbook: at least 1 each, at most `volume::walk::MAX_VOLUME` in all.
     VolumeSize([u32; 3]),
     /// Sides of an exemplar must lie in 1..=65535.
     ExemplarSize([u32; 2]),
@@ -108,7 +108,7 @@ impl fmt::Display for Error {
             Error::VolumeSize([w, h, frames]) => write!(
                 f,
                 "output of {frames} frames of {w} x {h} pixels: each must be at least 1 and the product at most {}",
-                super::volume_walk::MAX_VOLUME
+                super::volume::walk::MAX_VOLUME
             ),
             Error::ExemplarSize([w, h]) => write!(f, "exemplar of {w} x {h} texels: sides must be in 1..=65535"),
             Error::OffsetCount { found, expected } => {

@@ -6,7 +6,7 @@
 //! Unaware of: images, patches, how sources are chosen.
 
 use super::box_mean::box_mean;
-use super::hole_shifts::distances;
+use super::image::hole_shifts::distances;
 use crate::exemplar::{AnalysisParams, Appearance, Area, Error, Sheet, appearance, appearance_sheet};
 use crate::numerics::par;
 use crate::texture::{MapSet, Texel, Texture};

@@ -16,18 +16,18 @@ use kiln::io::scene::Document;
 use kiln::mesh::{PrepareParams, Surface, Topology, TriMesh, prepare};
 use kiln::numerics::vec::vec3;
 use kiln::numerics::{det, par};
-use kiln::synth::corner::{Base, corner_sets};
-use kiln::synth::image_copy::{BlendKernel, copy};
-use kiln::synth::image_order::ImageOrder;
-use kiln::synth::image_walk::{self, ImageWalkParams};
-use kiln::synth::layers::layered_sets;
+use kiln::synth::image::copy::{BlendKernel, copy};
+use kiln::synth::image::order::ImageOrder;
+use kiln::synth::image::walk::{self, ImageWalkParams};
+use kiln::synth::mesh::corner::{Base, corner_sets};
+use kiln::synth::mesh::layers::layered_sets;
+use kiln::synth::mesh::order::region_growing;
+use kiln::synth::mesh::rendering_sequence::{CACHE, acmr, face_sequence, rendering_sequence};
+use kiln::synth::mesh::sites::Sites;
+use kiln::synth::mesh::walk::{VertexWalkParams, walk};
+use kiln::synth::quilt::frame::Facets;
 use kiln::synth::quilt::{QuiltParams, quilt};
-use kiln::synth::quilt_frame::Facets;
-use kiln::synth::rendering_sequence::{CACHE, acmr, face_sequence, rendering_sequence};
 use kiln::synth::seam_metric::SeamMetrics;
-use kiln::synth::sites::Sites;
-use kiln::synth::vertex_order::region_growing;
-use kiln::synth::vertex_walk::{VertexWalkParams, walk};
 use kiln::texture::{MapKind, MapSet};
 use kiln::tile::{KeyTile, TileParams, make, seamless};
 use kiln::uvset::Blend;
@@ -177,12 +177,12 @@ fn flat(bench: &Bench, set: &MapSet) {
     for (name, order) in orders {
         let params = ImageWalkParams { size: [1024, 1024], order, patch: 1.0, seed: 1, tileable: false };
         bench.run(&format!("walk image 1024x1024 {name}, one core"), 1.048_576, "Mpixel/s", || {
-            image_walk::walk(&map, &params)
+            walk::walk(&map, &params)
         });
     }
     let params =
         ImageWalkParams { size: [1024, 1024], order: ImageOrder::Hilbert, patch: 1.0, seed: 1, tileable: false };
-    let sources = image_walk::walk(&map, &params).expect("a walk");
+    let sources = walk::walk(&map, &params).expect("a walk");
     let color = set.get(MapKind::BaseColor).expect("a colour");
     bench.run("copy image 1024x1024, blended 3x3", 1.048_576, "Mpixel/s", || copy(color, &sources, BlendKernel::Three));
 }

@@ -22,7 +22,7 @@ use super::validate::Semantic;
 use crate::io::SceneError;
 use crate::mesh::{Part, Surface, SynthesisMesh, Topology, TriMesh};
 use crate::numerics::vec::{Vec3, vec3};
-use crate::synth::rendering_sequence::{CACHE, acmr, face_sequence};
+use crate::synth::mesh::rendering_sequence::{CACHE, acmr, face_sequence};
 use crate::uvset::{Blend, UvSets};
 
 /// Vertices at one point that a corner is compared with: a fan of thousands of corners stays linear.

@@ -6,8 +6,8 @@ use crate::build::{InputId, StepId};
 use crate::io::image_file::Transfer;
 use crate::io::image_strips::Container;
 use crate::recipe::{self, Canvas, MapFile, Sample, Word};
-use crate::synth::image_copy::BlendKernel;
-use crate::synth::image_order::ImageOrder;
+use crate::synth::image::copy::BlendKernel;
+use crate::synth::image::order::ImageOrder;
 use crate::texture::Wrap;
 
 use super::super::canvas::{PaintImage, ReadSources, WalkImage};

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use crate::build::InputId;
 use crate::recipe::limits::FLIPBOOK_TEXELS;
 use crate::recipe::{self, Canvas, FileRef};
-use crate::synth::volume_copy::VolumeKernel;
-use crate::synth::volume_walk::VolumeWalkParams;
+use crate::synth::volume::copy::VolumeKernel;
+use crate::synth::volume::walk::VolumeWalkParams;
 
 use super::super::flipbook::{AnalyseFlipbook, CopyFrame, ReadFlipbook, WalkFlipbook};
 use super::canvas::image_order;

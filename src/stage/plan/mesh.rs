@@ -11,8 +11,8 @@ use crate::field::{
 };
 use crate::io::gltf::TriangleOrder;
 use crate::recipe::{self, FileRef, MeshBake};
+use crate::synth::mesh::walk::VertexWalkParams;
 use crate::synth::quilt::QuiltParams;
-use crate::synth::vertex_walk::VertexWalkParams;
 use crate::texture::MapKind;
 use crate::uvset::Blend;
 

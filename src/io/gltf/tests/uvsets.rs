@@ -167,7 +167,7 @@ fn influences_of_a_skin_are_merged_between_vertices() {
 
 #[test]
 fn triangles_for_a_cache_are_the_same_in_another_order() {
-    use crate::synth::rendering_sequence::{CACHE, acmr};
+    use crate::synth::mesh::rendering_sequence::{CACHE, acmr};
     for path in scenes("meshes") {
         let Ok((doc, surface)) = read(&path).and_then(|d| d.surface(None).map(|s| (d, s))) else { continue };
         if !(500..10_000).contains(&surface.mesh.faces.len()) {

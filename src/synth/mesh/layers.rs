@@ -7,9 +7,9 @@
 //! vertex and its weight there are the same for all faces around: sets agree along every edge, but for what was left out.
 //! Unaware of: how patches were found.
 
-use super::Error;
 use super::sites::Sites;
 use crate::numerics::par;
+use crate::synth::Error;
 use crate::texture::{Texel, texel};
 use crate::uvset::{Blend, UvSets};
 

@@ -7,10 +7,10 @@
 //! Reads as: a colour that the exemplar's map does not have asks for the nearest one that it has.
 //! Unaware of: jump maps, what the texture shows.
 
-use super::Error;
 use crate::exemplar::Domain;
 use crate::numerics::par;
 use crate::numerics::rng::Key;
+use crate::synth::Error;
 
 /// Difference, as a share of the range, at which a texel still fits a pixel at weight 1.
 const FITS: f32 = 1.0 / 15.0;

@@ -6,16 +6,16 @@
 //! Bounds are rounded inwards to f32, so an address that passes is exactly inside.
 //! Unaware of: jumps, weights.
 
-use super::Error;
 use crate::mesh::Topology;
 use crate::numerics::par;
 use crate::numerics::rng::Key;
 use crate::numerics::vec::Vec2;
+use crate::synth::Error;
 use crate::texture::{Texel, texel};
 
 /// The rectangle of valid addresses of a vertex; never empty of those that [`rooms`] gives.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Room {
+pub(in crate::synth) struct Room {
     min: [f32; 2],
     max: [f32; 2],
 }
@@ -96,7 +96,7 @@ fn at_most(v: f64) -> f32 {
 ///
 /// Checks that there is one finite offset per half-edge and that every vertex has room; the error names the vertex
 /// whose box is largest in relation to the exemplar, so that one change of scale heals the whole mesh.
-pub(super) fn rooms(
+pub(in crate::synth) fn rooms(
     topology: &Topology,
     offsets: &[Vec2],
     boxes: Option<&[[Vec2; 2]]>,

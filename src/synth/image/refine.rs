@@ -4,7 +4,7 @@
 //! Beyond \[ZG02\]; asked for by its section 6 ("a multi-resolution synthesis procedure") and by \[ZG03\] section 6 ("extra
 //! passes, when all neighbours are available to suggest destinations"). Without it the result is the published method's.
 //! The walk's patches and the jumps of the texels along their seams are the candidates (k-coherence, Tong et al. 2002;
-//! shift maps, Pritch et al. 2009); each move is a minimum cut in a window (`image_window`). Corrections of one pixel
+//! shift maps, Pritch et al. 2009); each move is a minimum cut in a window (`window`). Corrections of one pixel
 //! at a time were tried first: they mend seams but cannot move them, and structured samples stay broken (over 16 exemplars
 //! swd 0.99 and coherence_p95 1.15 of the better peer's, against 0.85 and 0.69).
 //!
@@ -13,16 +13,16 @@
 //! one before. Windows are visited in groups of which no two touch, so nothing depends on threads.
 //! Unaware of: how the first sources were found, how the canvas is cut up.
 
-use super::Error;
 use super::board::Board;
 use super::guide::Guide;
 use super::hole_shifts::hole_shifts;
-use super::image_window::{Node, Scene, Scratch, improve, shifts};
-use super::seam_metric::SeamMetrics;
 use super::source_map::{EMPTY, SourceMap};
-use super::usage::Usage;
+use super::window::{Node, Scene, Scratch, improve, shifts};
 use crate::exemplar::JumpMap;
 use crate::numerics::par;
+use crate::synth::Error;
+use crate::synth::seam_metric::SeamMetrics;
+use crate::synth::usage::Usage;
 
 /// Nodes along a side of a window.
 const WINDOW: i32 = 16;
@@ -265,8 +265,8 @@ impl Axis {
 mod tests {
     use super::*;
     use crate::exemplar::AnalysisParams;
-    use crate::synth::image_order::ImageOrder;
-    use crate::synth::image_walk::{ImageWalkParams, walk};
+    use crate::synth::image::order::ImageOrder;
+    use crate::synth::image::walk::{ImageWalkParams, walk};
     use crate::synth::testing::{blobs, brute_force_map, noise};
     use crate::texture::{MapKind, MapSet, Texture};
 

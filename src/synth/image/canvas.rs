@@ -10,15 +10,15 @@
 
 use std::collections::BTreeMap;
 
-use super::Error;
 use super::board::Board;
 use super::guide::Guide;
-use super::image_refine::refine_board;
-use super::image_walk::{ImageWalkParams, Walk};
-use super::seam_metric::SeamMetrics;
+use super::refine::refine_board;
 use super::source_map::{EMPTY, ImageCounters, Rect, SourceMap};
+use super::walk::{ImageWalkParams, Walk};
 use crate::exemplar::JumpMap;
 use crate::numerics::par;
+use crate::synth::Error;
+use crate::synth::seam_metric::SeamMetrics;
 
 /// Aimed-for side of a cell in pixels; a canvas of less than one and a half is one cell.
 const CELL: u32 = 512;
@@ -330,9 +330,9 @@ impl<'a> ImageCanvas<'a> {
 mod tests {
     use super::*;
     use crate::exemplar::AnalysisParams;
-    use crate::synth::guide::GuideMap;
-    use crate::synth::image_order::ImageOrder;
-    use crate::synth::image_walk::walk;
+    use crate::synth::image::guide::GuideMap;
+    use crate::synth::image::order::ImageOrder;
+    use crate::synth::image::walk::walk;
     use crate::synth::testing::{brute_force_map, noise};
     use crate::texture::{MapKind, MapSet, Texture};
 

@@ -4,27 +4,27 @@
 //! Beyond \[ZG03\]; suggested by its section 6 ("extra passes over the mesh, when all neighbours are available to suggest
 //! destinations"; "a hierarchical generalization"). Without passes the result is the published method's. The walk's
 //! patches and the jumps of the texels along their seams are the candidates; each move is a minimum cut in a window
-//! (`super::surface_window`), as on images. Corrections of single vertices were tried first: on a flat square with four
+//! (`super::window`), as on images. Corrections of single vertices were tried first: on a flat square with four
 //! exemplars coherence_p95 was 1.27 times the better flat peer's, and is 1.01 times now; bricks broke, and stay whole.
 //!
 //! Levels: the graphs of `super::hierarchy`, edges up to an eighth of the exemplar, compared by appearances of blocks as
 //! large as an edge is long. The coarsest starts from the walk's addresses, each next from those that continue the
 //! patches of the one before; levels with edges far below a texel only continue. Windows are the cells of
-//! `super::surface_cells`, visited by colour, so nothing depends on threads.
+//! `super::cells`, visited by colour, so nothing depends on threads.
 //! Unaware of: positions, how the first addresses were found.
 
-use super::Error;
+use super::cells::Cells;
 use super::hierarchy::Graph;
 use super::room::{Room, rooms};
-use super::seam_metric::SeamMetrics;
-use super::surface_cells::Cells;
-use super::surface_window::{Scene, Scratch, improve};
-use super::usage::{Usage, texel_of};
-use super::vertex_walk::shifted;
+use super::walk::shifted;
+use super::window::{Scene, Scratch, improve};
 use crate::exemplar::JumpMap;
 use crate::mesh::Topology;
 use crate::numerics::par;
 use crate::numerics::vec::Vec2;
+use crate::synth::Error;
+use crate::synth::seam_metric::SeamMetrics;
+use crate::synth::usage::{Usage, texel_of};
 use crate::texture::Texel;
 
 /// Edges of the coarsest level are at most this share of the exemplar's smaller side.
@@ -70,7 +70,7 @@ pub(super) fn coarsest_edge(exemplar: [u32; 2]) -> f64 {
 
 /// As [`refine`], of any graph with the rooms of its nodes; levels have edges of up to `coarsest` texels, and the
 /// coarsest one starts from the addresses of its nodes.
-pub(super) fn refine_graph(
+pub(in crate::synth) fn refine_graph(
     jumps: &JumpMap,
     metrics: &SeamMetrics,
     finest: Graph,
@@ -209,9 +209,9 @@ impl<'a> Level<'a> {
 mod tests {
     use super::*;
     use crate::exemplar::AnalysisParams;
+    use crate::synth::mesh::order::region_growing;
+    use crate::synth::mesh::walk::{VertexWalkParams, walk};
     use crate::synth::testing::{blobs, brute_force_map, flat_offsets, grid, noise, random_offsets, topologies};
-    use crate::synth::vertex_order::region_growing;
-    use crate::synth::vertex_walk::{VertexWalkParams, walk};
     use crate::texture::{MapKind, MapSet, Texture, texel};
     use proptest::prelude::*;
 

@@ -184,7 +184,7 @@ mod tests {
             sorted.sort_unstable();
             prop_assert_eq!(sorted, (0..20).collect::<Vec<_>>());
             let starts = (0..20).filter(|i| !t.neighbours(order[*i]).iter().any(|n| order[..*i].contains(n))).count();
-            let grown = crate::synth::vertex_order::region_growing(&t, &[]).unwrap();
+            let grown = crate::synth::mesh::order::region_growing(&t, &[]).unwrap();
             let components =
                 (0..20).filter(|i| !t.neighbours(grown[*i]).iter().any(|n| grown[..*i].contains(n))).count();
             prop_assert_eq!(starts, components);

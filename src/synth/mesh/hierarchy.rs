@@ -9,7 +9,7 @@ use crate::mesh::Topology;
 use crate::numerics::vec::Vec2;
 
 /// Nodes and the offsets of their edges, in texels; the two halves of an edge have opposite offsets.
-pub(super) struct Graph {
+pub(in crate::synth) struct Graph {
     starts: Vec<u32>,
     targets: Vec<u32>,
     offsets: Vec<Vec2>,

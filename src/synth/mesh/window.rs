@@ -1,6 +1,6 @@
 //! Moves that give a part of a graph on a surface to another patch, the part being chosen by a minimum cut.
 //!
-//! What [`super::image_window`] is for pixels: expansion moves (Boykov, Veksler, Zabih 2001) within a window. A patch is an
+//! What `image::window` is for pixels: expansion moves (Boykov, Veksler, Zabih 2001) within a window. A patch is an
 //! address that continues from node to node along the edges' offsets; within a window, whose nodes are laid out in the
 //! plane of the exemplar from its middle on, it is a shift of that plane. Minimised over a window is the sum over its
 //! edges of what it costs that the address of one end does not continue that of the other,
@@ -15,12 +15,12 @@
 
 use super::hierarchy::Graph;
 use super::room::Room;
-use super::seam_metric::{Metric, Sample, UNIT};
-use super::usage::Usage;
-use super::vertex_walk::shifted;
+use super::walk::shifted;
 use crate::exemplar::JumpMap;
 use crate::numerics::mincut::GraphCut;
 use crate::numerics::vec::{Vec2, vec2};
+use crate::synth::seam_metric::{Metric, Sample, UNIT};
+use crate::synth::usage::Usage;
 use crate::texture::{Texel, texel};
 
 /// What it costs in itself that an address does not continue its neighbour's: as on images, over twice the edges per node.

@@ -1,10 +1,10 @@
 //! The frames of a flipbook: copies texels by the sources, blending small patches at the seams if asked to.
 //!
-//! Source: \[ZG02\] section 3.1, as `image_copy` reads it, in space and time: a pixel receives, from every pixel of its
+//! Source: \[ZG02\] section 3.1, as `image::copy` reads it, in space and time: a pixel receives, from every pixel of its
 //! neighbourhood, the texel that this one's patch puts there. Inside a patch all agree, and the texel is copied exactly.
 //! Unaware of: what the channels mean; whoever copies normals renormalises them.
 
-use super::volume_walk::SourceVolume;
+use super::walk::SourceVolume;
 use crate::texture::Texture;
 
 /// How patches are blended.

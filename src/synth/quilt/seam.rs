@@ -6,7 +6,7 @@
 //! colour, no two of one colour adjacent, so nothing depends on threads.
 //! Unaware of: how the pieces were placed.
 
-use super::quilt_frame::Facets;
+use super::frame::Facets;
 use super::texton_string::{Inside, steps, texel_at};
 use crate::exemplar::TextonMap;
 use crate::numerics::par;

@@ -2,17 +2,17 @@
 //!
 //! Beyond \[ZG03\]: the vertices of a mesh may be several texels apart, and patches then meet along its edges. Texels are
 //! nodes of a graph that goes on across the borders of charts; patches are cut anew along them as along the vertices
-//! ([`super::vertex_refine`]), from the places that those came to.
+//! ([`super::refine`]), from the places that those came to.
 //! Unaware of: atlases, how the offsets were found.
 
-use super::Error;
 use super::hierarchy::Graph;
+use super::refine::{coarsest_edge, refine_graph};
 use super::room::Room;
-use super::seam_metric::SeamMetrics;
-use super::vertex_refine::{coarsest_edge, refine_graph};
 use crate::exemplar::JumpMap;
 use crate::numerics::par;
 use crate::numerics::vec::Vec2;
+use crate::synth::Error;
+use crate::synth::seam_metric::SeamMetrics;
 use crate::texture::Texel;
 
 /// Nodes and the offsets between them.

@@ -5,7 +5,7 @@
 //! one. Measured on photographs of 128 x 128: 0.1 bytes per pixel with corrections, 0.5 without, instead of 4.
 //! Unaware of: colours, files.
 
-use super::image_canvas::ImageCanvas;
+use super::canvas::ImageCanvas;
 use super::source_map::{ImageCounters, Rect, SourceMap};
 use crate::numerics::par;
 
@@ -15,7 +15,7 @@ const ROWS: u32 = 64;
 /// About so many pixels are synthesised at a time: enough for all cores, and bounded memory.
 const BAND: u32 = 1 << 24;
 
-/// Pixels around a window that are kept with it: what the largest kernel of [`super::image_copy`] looks at.
+/// Pixels around a window that are kept with it: what the largest kernel of [`super::copy`] looks at.
 pub const APRON: u32 = 2;
 
 /// What a run continues; the rest of its number, divided by three, is its length.
@@ -237,9 +237,9 @@ fn unroll(runs: &[u8], firsts: &[u8], width: usize, pixels: usize, exemplar: [u3
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synth::image_canvas::ImageTask;
-    use crate::synth::image_order::ImageOrder;
-    use crate::synth::image_walk::ImageWalkParams;
+    use crate::synth::image::canvas::ImageTask;
+    use crate::synth::image::order::ImageOrder;
+    use crate::synth::image::walk::ImageWalkParams;
     use crate::synth::testing::{brute_force_map, noise};
     use proptest::prelude::*;
 

@@ -2,20 +2,20 @@
 //! the seams show.
 //!
 //! Beyond \[MK03\], whose section 5 names the greedy search as what limits quality. The faces are the nodes of a graph,
-//! adjacent ones connected, and `super::vertex_refine` cuts it as it cuts the vertices of a walk; what looks alike is known
+//! adjacent ones connected, and `mesh::refine` cuts it as it cuts the vertices of a walk; what looks alike is known
 //! from the buckets of the textons ([`TextonMap::alike`]). Faces keep their shapes: only places change.
 //! Unaware of: pieces, how the first places were found.
 
-use super::Error;
-use super::hierarchy::Graph;
-use super::quilt_frame::Facets;
-use super::quilt_seam::SAME;
-use super::room::Room;
-use super::seam_metric::SeamMetrics;
-use super::vertex_refine::refine_graph;
+use super::frame::Facets;
+use super::seam::SAME;
 use crate::exemplar::TextonMap;
 use crate::numerics::par;
 use crate::numerics::vec::{Vec2, vec2};
+use crate::synth::Error;
+use crate::synth::mesh::hierarchy::Graph;
+use crate::synth::mesh::refine::refine_graph;
+use crate::synth::mesh::room::Room;
+use crate::synth::seam_metric::SeamMetrics;
 use crate::texture::{Texel, texel};
 
 /// Edges of the coarsest level are at most this share of the exemplar's smaller side. From finer levels on the cuts keep

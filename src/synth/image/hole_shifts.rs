@@ -7,10 +7,10 @@
 //! Unaware of: how shifts are put together.
 
 use super::board::Board;
-use super::seam_metric::{Metric, UNIT};
 use super::source_map::EMPTY;
 use crate::exemplar::Domain;
 use crate::numerics::par;
+use crate::synth::seam_metric::{Metric, UNIT};
 
 /// A pixel, a texel, or an offset from one to the other.
 type Place = [i32; 2];
@@ -66,7 +66,7 @@ pub(super) fn hole_shifts(metric: &Metric, domain: &Domain, board: &Board, count
 }
 
 /// How far each pixel is from those that are not known, in steps along rows and columns, at most `most`.
-pub(super) fn distances(known: &[bool], [w, h]: [u32; 2], most: u32) -> Vec<u32> {
+pub(in crate::synth) fn distances(known: &[bool], [w, h]: [u32; 2], most: u32) -> Vec<u32> {
     let (w, h) = (w as usize, h as usize);
     let mut away: Vec<u32> = known.iter().map(|k| if *k { most } else { 0 }).collect();
     for y in 0..h {

@@ -18,11 +18,11 @@
 //!
 //! Unaware of: colours.
 
-use super::image_order::ImageOrder;
-use super::image_walk::BORDER_BAND;
-use super::{Error, MAX_PIXELS};
 use crate::exemplar::{JumpVolume, VolumeJump};
 use crate::numerics::rng::Key;
+use crate::synth::image::order::ImageOrder;
+use crate::synth::image::walk::BORDER_BAND;
+use crate::synth::{Error, MAX_PIXELS};
 
 /// What to synthesise and how.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,8 +2,8 @@
 //!
 //! Unaware of: outputs, walks.
 
-use super::box_mean::box_mean;
 use crate::numerics::par;
+use crate::synth::box_mean::box_mean;
 use crate::texture::Texture;
 
 /// Column, row and frame of a texel of the exemplar, or of a place outside.

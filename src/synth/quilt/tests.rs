@@ -38,7 +38,7 @@ fn facets(m: &crate::mesh::TriMesh, up: Option<crate::numerics::vec::Vec3>, scal
 
 fn open_gaps(facets: &Facets, at: &[Vec2]) -> usize {
     let edges = (0..facets.len()).flat_map(|f| (0..3).map(move |k| (f, k)));
-    edges.filter(|(f, k)| quilt_seam::gap(facets, at, *f, *k).is_some_and(|d| d > quilt_seam::SAME)).count() / 2
+    edges.filter(|(f, k)| seam::gap(facets, at, *f, *k).is_some_and(|d| d > seam::SAME)).count() / 2
 }
 
 #[test]
@@ -132,7 +132,7 @@ fn difference(map: &TextonMap, facets: &Facets, at: &[Vec2]) -> f64 {
             count += 1.0;
         }
     }
-    sum / count / quilt_seam::typical_distance(map)
+    sum / count / seam::typical_distance(map)
 }
 
 /// Figures for the header, by the order of growth.

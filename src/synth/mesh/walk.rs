@@ -20,12 +20,12 @@
 //! less than a thousandth of a texel along a thousand edges.
 //! Unaware of: positions, how offsets were made, corners.
 
-use super::Error;
 use super::room::{Room, rooms};
 use crate::exemplar::{FloatJump, JumpMap};
 use crate::mesh::Topology;
 use crate::numerics::rng::Key;
 use crate::numerics::vec::Vec2;
+use crate::synth::Error;
 use crate::texture::{Texel, texel};
 
 /// How to walk.
@@ -308,9 +308,9 @@ mod tests {
     use crate::mesh::TriMesh;
     use crate::numerics::par;
     use crate::numerics::vec::vec2;
-    use crate::synth::sites::Sites;
+    use crate::synth::mesh::order::region_growing;
+    use crate::synth::mesh::sites::Sites;
     use crate::synth::testing::{brute_force_map, flat_offsets, grid, noise, random_offsets, topologies};
-    use crate::synth::vertex_order::region_growing;
     use proptest::prelude::*;
 
     fn no_jumps(side: u32) -> JumpMap {

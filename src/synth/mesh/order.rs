@@ -9,8 +9,8 @@
 
 use std::collections::VecDeque;
 
-use super::Error;
 use crate::mesh::Topology;
+use crate::synth::Error;
 
 /// Steps of the proportion of synthesised neighbours.
 const STEPS: u32 = 1024;

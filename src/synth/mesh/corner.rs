@@ -6,12 +6,12 @@
 //! opposite has no weight and the other two are the same on both sides: the blend has no seams.
 //! Unaware of: how addresses were found.
 
-use super::Error;
-use super::vertex_walk::shifted;
+use super::walk::shifted;
 use crate::mesh::Topology;
 use crate::numerics::par;
 use crate::numerics::rng::Key;
 use crate::numerics::vec::Vec2;
+use crate::synth::Error;
 use crate::texture::Texel;
 use crate::uvset::{Blend, UvSets};
 

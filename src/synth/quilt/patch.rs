@@ -8,7 +8,7 @@
 
 use std::collections::VecDeque;
 
-use super::quilt_frame::Facets;
+use super::frame::Facets;
 use crate::numerics::vec::{Vec2, vec2};
 
 /// Patches with less than this share of the mean number of faces join a neighbour.

@@ -21,11 +21,11 @@
 
 use super::board::Board;
 use super::guide::Guide;
-use super::image_order::ImageOrder;
+use super::order::ImageOrder;
 use super::source_map::{EMPTY, ImageCounters, SourceMap};
-use super::{Error, MAX_PIXELS};
 use crate::exemplar::{Domain, Jump, JumpMap};
 use crate::numerics::rng::Key;
+use crate::synth::{Error, MAX_PIXELS};
 use crate::texture::Wrap;
 
 /// What to synthesise and how.
@@ -44,7 +44,7 @@ pub struct ImageWalkParams {
 }
 
 /// Share of the exemplar's side within which borders are avoided (\[ZG02\] section 4).
-pub(super) const BORDER_BAND: f64 = 0.2;
+pub(in crate::synth) const BORDER_BAND: f64 = 0.2;
 
 /// Where a neighbour lies as seen from the pixel; bit numbers of a mask.
 const LEFT: usize = 0;

@@ -9,16 +9,16 @@
 //! + sum over nodes:  what their source costs (overuse of its part of the exemplar, disagreement with a guide)
 //! ```
 //!
-//! d being the difference of two texels ([`super::seam_metric`]); where one patch has no texel at p, the difference at q
+//! d being the difference of two texels ([`seam_metric`](crate::synth::seam_metric)); where one patch has no texel at p, the difference at q
 //! counts twice. A move is taken if the sum falls, so it never rises. Pairs for which d breaks the triangle inequality lose
 //! their arc; the sum is always taken as it is.
 //! Unaware of: levels, the order of windows, threads.
 
 use super::guide::Guide;
-use super::seam_metric::{Metric, UNIT};
-use super::usage::Usage;
 use crate::exemplar::{Domain, Jump, JumpMap};
 use crate::numerics::mincut::{DIRECTIONS, GridCut};
+use crate::synth::seam_metric::{Metric, UNIT};
+use crate::synth::usage::Usage;
 use crate::texture::Wrap;
 
 /// Column and row of a texel, of a place outside the exemplar, of a pixel, or a patch's offset.

@@ -6,8 +6,8 @@
 //! the exemplar has and for nothing that it has not, and a flat part of the target asks for nothing in particular.
 //! Unaware of: jump maps, how guides are used.
 
-use super::box_mean::box_mean;
 use super::guide::GuideMap;
+use crate::synth::box_mean::box_mean;
 use crate::texture::Texture;
 use crate::texture::color::{linear_to_srgb, luminance};
 

@@ -13,23 +13,28 @@
 //!   only find to within a texel. Of those that Eq. 2 ranks best the final choice is by the texels' own vectors: clusters
 //!   do not tell a good match from a perfect one.
 //!
-//! Beyond the paper, with `refine` > 0: pieces of several triangles (`super::quilt_patch`); passes in which every piece is
-//! opened again and searched with all its neighbours known, shifts of its present place by up to two texels among the
-//! candidates; minimum cuts (`super::quilt_cut`); seams led around features (`super::quilt_seam`). With `refine` = 0 the
-//! result is the published method's.
+//! Beyond the paper, with `refine` > 0: pieces of several triangles (`patch`); passes in which every piece is opened again
+//! and searched with all its neighbours known, shifts of its present place by up to two texels among the candidates;
+//! minimum cuts (`cut`); seams led around features (`seam`). With `refine` = 0 the result is the published method's.
 //! Unaware of: positions, colours.
 
+pub mod blend;
+mod cut;
+pub mod frame;
+mod patch;
+mod seam;
+pub mod texton_string;
+
 use super::Error;
-use super::quilt_cut;
-use super::quilt_frame::Facets;
-use super::quilt_patch::Patches;
-use super::quilt_seam::{self, box_of};
 use super::seam_metric::SeamMetrics;
-use super::texton_string::{Ballot, Inside, Sample, error, fine_error, steps, texel_at};
 use crate::exemplar::TextonMap;
 use crate::numerics::par;
 use crate::numerics::rng::Key;
 use crate::numerics::vec::{Vec2, vec2};
+use frame::Facets;
+use patch::Patches;
+use seam::box_of;
+use texton_string::{Ballot, Inside, Sample, error, fine_error, steps, texel_at};
 
 /// How to quilt.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -159,9 +164,9 @@ fn quilt_in_order(
     if params.refine > 0 {
         job.reopen();
         if let Some(metrics) = metrics {
-            job.counters.recut = quilt_cut::recut(map, metrics, facets, &mut job.at, params.refine)?;
+            job.counters.recut = cut::recut(map, metrics, facets, &mut job.at, params.refine)?;
         }
-        job.counters.relaxed = quilt_seam::relax(map, facets, &mut job.at, params.refine.saturating_mul(SEAM_PASSES));
+        job.counters.relaxed = seam::relax(map, facets, &mut job.at, params.refine.saturating_mul(SEAM_PASSES));
     }
     Ok(Quilt { at: job.at, counters: job.counters })
 }
@@ -318,7 +323,7 @@ impl Job<'_> {
     /// Places every piece, from seeds outwards.
     fn grow(&mut self, growth: Growth) {
         let mut front = Front::new(self);
-        let bad = BAD * quilt_seam::typical_distance(self.map);
+        let bad = BAD * seam::typical_distance(self.map);
         let n = self.patches.len();
         let first = if n > 0 { self.patches.of[self.key.below(0, self.facets.len() as u32) as usize] } else { 0 };
         for seed in std::iter::once(first).chain(0..n as u32) {
@@ -351,7 +356,7 @@ impl Job<'_> {
     /// Opens every piece again and looks for a better place with all neighbours known.
     fn reopen(&mut self) {
         let neighbours = |p: usize, out: &mut Vec<u32>| out.extend(self.border(p).map(|e| self.patches.of[e.2]));
-        let colours = quilt_seam::colours(self.patches.len(), neighbours);
+        let colours = seam::colours(self.patches.len(), neighbours);
         let mut dirty = vec![true; self.patches.len()];
         for _ in 0..self.params.refine {
             let before = self.counters.reopened;
@@ -464,5 +469,4 @@ fn length(facets: &Facets, f: usize, k: usize) -> f64 {
 }
 
 #[cfg(test)]
-#[path = "quilt_tests.rs"]
 mod tests;

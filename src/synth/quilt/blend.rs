@@ -13,11 +13,11 @@
 //! everywhere, also at vertices; test `the_blend_is_continuous_across_edges`.
 //! Unaware of: how the quilt was made, colours.
 
-use super::Error;
-use super::quilt_frame::Facets;
+use super::frame::Facets;
 use crate::mesh::SynthesisMesh;
 use crate::numerics::det;
 use crate::numerics::vec::{Vec2, Vec3, vec2};
+use crate::synth::Error;
 use crate::texture::{Texel, texel};
 use crate::uvset::{Blend, UvSets};
 
@@ -64,7 +64,7 @@ pub fn blend_edges(
     if !(threshold >= 0.0 && threshold.is_finite()) {
         return Err(Error::Threshold(f64::from(threshold)));
     }
-    let seam = |f: usize, k: usize| facets.across[f][k] != super::quilt_frame::BORDER && errors[f][k] > threshold;
+    let seam = |f: usize, k: usize| facets.across[f][k] != super::frame::BORDER && errors[f][k] > threshold;
     let mut seams: Vec<[bool; 3]> = (0..n).map(|f| [0, 1, 2].map(|k| seam(f, k))).collect();
     if blend == Blend::Nearest {
         seams = vec![[false; 3]; n];

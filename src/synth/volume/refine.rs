@@ -1,7 +1,7 @@
 //! Correction passes over a synthesised flipbook, from coarse to fine: every pixel looks at all its neighbours in space and
 //! time and may change its source.
 //!
-//! Beyond \[ZG02\]; as `image_refine` does for images, with candidates from k-coherence (Tong et al. 2002). Minimised is
+//! Beyond \[ZG02\]; as `image::refine` does for images, with candidates from k-coherence (Tong et al. 2002). Minimised is
 //! the sum over all pairs (p, q) of pixels in one neighbourhood, 3 x 3 pixels in 3 frames, of
 //!
 //! ```text
@@ -19,11 +19,11 @@
 //! Within a level, pixels are visited in groups of which no two share a neighbourhood, so nothing depends on threads.
 //! Unaware of: how the first sources were found.
 
-use super::Error;
-use super::volume_field::{Field, Place, Usage};
-use super::volume_walk::SourceVolume;
+use super::field::{Field, Place, Usage};
+use super::walk::SourceVolume;
 use crate::exemplar::JumpVolume;
 use crate::numerics::par;
+use crate::synth::Error;
 use crate::texture::Texture;
 
 /// What it costs in itself that two pixels are of different patches; 2 is the cost of places that have nothing in
@@ -334,9 +334,9 @@ mod tests {
     use super::*;
     use crate::exemplar::{AnalysisParams, analyse_flipbook};
     use crate::numerics::rng::Key;
-    use crate::synth::image_order::ImageOrder;
+    use crate::synth::image::order::ImageOrder;
     use crate::synth::testing::jump_volume;
-    use crate::synth::volume_walk::{VolumeWalkParams, walk};
+    use crate::synth::volume::walk::{VolumeWalkParams, walk};
     use crate::texture::{Flipbook, MapKind, MapSet};
 
     /// Smooth noise that lives for some frames, and its jump map.
