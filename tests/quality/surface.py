@@ -7,8 +7,9 @@
 Bakes irregular planes of so many cells and whole meshes, all exemplars and ways in one project, and measures them with
 the tools beside the project: the unrolled plane (256 x 256 texels) as a flat texture, a mesh by patches cut from its
 surface. A way is a method, then the `refine` of the recipe, if not the default one, then any `key=value` of
-`[synthesis]`, as in `texton:2:order="region-growing"`. With --keep pictures and figures stay, and what is there is not
-made again. Needs numpy, scipy, pillow and the shared data; says so and stops with success where these are absent.
+`[synthesis]`, and `@N` for the `refine` of the atlas, as in `texton:2:order="region-growing"` or `jump-map:2:@2`. With
+--keep pictures and figures stay, and what is there is not made again. Needs numpy, scipy, pillow and the shared data;
+says so and stops with success where these are absent.
 """
 
 import argparse
@@ -57,11 +58,13 @@ def mesh_and_scale(folder, mesh):
 def recipe(way, mesh, scale, exemplar):
     """A recipe; planes get an atlas finer than the exemplar, whose resampling does not show."""
     method, *more = way.split(":")
+    atlas = "".join(f", refine = {m[1:]}" for m in more if m.startswith("@"))
+    more = [m for m in more if not m.startswith("@")]
     keys = [m if "=" in m else f"refine = {m}" for m in more if m]
     size = 1024 if mesh.name.startswith("plane") else 2048
     return "\n".join([
         "kiln = 1", f'mesh.path = "{mesh}"', f'exemplar.base_color = "{exemplar}"', f'analysis.method = "{method}"',
-        f"atlas = {{ size = {size}, gutter = 4, mips = false }}", "[synthesis]", f"scale = {scale}", *keys, "",
+        f"atlas = {{ size = {size}, gutter = 4, mips = false{atlas} }}", "[synthesis]", f"scale = {scale}", *keys, "",
     ])
 
 
