@@ -2,22 +2,7 @@
 # The page of `kiln check --report` in a real browser without a screen: bakes a small project, spoils it, and has
 # `report_page.mjs` click through what the check found. Installs Chromium and puppeteer-core where they are missing.
 # Screenshots go to target/report-page/.
-set -euo pipefail
-cd "$(dirname "$0")/../.."
-root=$PWD
-target=${CARGO_TARGET_DIR:-$root/target}
-kiln=${KILN:-$target/release/kiln}
-[ -x "$kiln" ] || cargo build --release --locked --target-dir "$target"
-
-command -v node >/dev/null && command -v npm >/dev/null || { apt-get update -qq && apt-get install -y -qq nodejs npm; }
-browser=$(command -v chromium || command -v chromium-browser || command -v google-chrome || true)
-if [ -z "$browser" ]; then
-  apt-get update -qq && apt-get install -y -qq chromium
-  browser=$(command -v chromium)
-fi
-
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
+source "$(dirname "$0")/browser.sh"
 mkdir -p "$folder/project/recipes" "$folder/node"
 (cd "$folder/node" && npm install --silent --no-audit --no-fund --ignore-scripts puppeteer-core@24.15.0 >/dev/null)
 cp tests/slow/report_page.mjs "$folder/node/"

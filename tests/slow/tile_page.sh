@@ -3,22 +3,7 @@
 # by `kiln shader glsl` in WebGL 2, and compares with kiln's own picture of the same view; ktx-parse reads the KTX2 files,
 # whose texels must be those of the PNG strips. Once as a 3D texture, once as a 2D array. Installs what is missing.
 # Pictures go to target/tile-page/.
-set -euo pipefail
-cd "$(dirname "$0")/../.."
-root=$PWD
-target=${CARGO_TARGET_DIR:-$root/target}
-kiln=${KILN:-$target/release/kiln}
-[ -x "$kiln" ] || cargo build --release --locked --target-dir "$target"
-
-command -v node >/dev/null && command -v npm >/dev/null || { apt-get update -qq && apt-get install -y -qq nodejs npm; }
-browser=$(command -v chromium || command -v chromium-browser || command -v google-chrome || true)
-if [ -z "$browser" ]; then
-  apt-get update -qq && apt-get install -y -qq chromium
-  browser=$(command -v chromium)
-fi
-
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
+source "$(dirname "$0")/browser.sh"
 mkdir -p "$folder/project/recipes" "$target/tile-page"
 (cd "$folder" && npm install --silent --no-audit --no-fund --ignore-scripts \
   puppeteer-core@24.15.0 three@0.187.0 ktx-parse@2.0.0 pngjs@7.0.0 >/dev/null)
