@@ -1,10 +1,36 @@
 //! What the tests of this module and of `render` share: small meshes, a reader of OBJ, corner coordinates made up.
 
+use super::{Atlas, Coverage, Filter, Inputs, TexelSources, bake_map, tangents};
 use crate::mesh::{Surface, SynthesisMesh, TriMesh};
 use crate::numerics::rng::Key;
 use crate::numerics::vec::{Vec3, vec3};
-use crate::texture::{Uv, texel};
+use crate::texture::{MapKind, Texture, Uv, texel};
 use crate::uvset::{Blend, UvSets};
+
+/// A surface on a page, with everything that a bake needs but the coordinates.
+pub(super) struct Bench {
+    pub surface: Surface,
+    pub synthesis: SynthesisMesh,
+    pub atlas: Atlas,
+    pub tangents: Vec<[f32; 4]>,
+    pub coverage: Coverage,
+}
+
+impl Bench {
+    /// With a gutter of so many texels.
+    pub fn new(surface: Surface, synthesis: SynthesisMesh, atlas: Atlas, gutter: u32) -> Bench {
+        let tangents = tangents(&surface, &atlas);
+        let coverage = Coverage::new(&surface, &synthesis, &atlas, &tangents, gutter).expect("they belong together");
+        Bench { surface, synthesis, atlas, tangents, coverage }
+    }
+
+    /// A map, from the corner coordinates or from places of its own.
+    pub fn bake(&self, sets: &UvSets, sources: Option<&TexelSources>, kind: MapKind, map: &Texture) -> Texture {
+        let Bench { surface, synthesis, atlas, tangents, coverage } = self;
+        let inputs = Inputs { surface, synthesis, atlas, coverage, tangents, sets, sources, filter: Filter::Linear };
+        bake_map(&inputs, kind, map).expect("they belong together")
+    }
+}
 
 /// A surface without document: one part-less mesh with smooth normals.
 pub(crate) fn surface(positions: Vec<Vec3>, faces: Vec<[u32; 3]>) -> Surface {

@@ -11,38 +11,16 @@ use crate::numerics::vec::{Vec3, vec3};
 use crate::texture::{MapKind, Texture, Uv, texel};
 use crate::uvset::{Blend, UvSets};
 
-/// A surface with everything that a bake needs but the coordinates.
-struct Bench {
-    surface: Surface,
-    synthesis: SynthesisMesh,
-    atlas: Atlas,
-    tangents: Vec<[f32; 4]>,
-    coverage: Coverage,
-}
-
 impl Bench {
-    fn new(surface: Surface, synthesis: SynthesisMesh, atlas: Atlas) -> Bench {
-        let tangents = tangents(&surface, &atlas);
-        let coverage = Coverage::new(&surface, &synthesis, &atlas, &tangents, 4).expect("they belong together");
-        Bench { surface, synthesis, atlas, tangents, coverage }
-    }
-
     fn unwrapped(surface: Surface, synthesis: SynthesisMesh, size: u32) -> Bench {
         let atlas = unwrap(&surface, &page(size)).expect("a clean mesh");
-        Bench::new(surface, synthesis, atlas)
+        Bench::new(surface, synthesis, atlas, 4)
     }
 
     fn sphere(size: u32) -> Bench {
         let surface = sphere(3);
         let synthesis = synthesis(&surface);
         Bench::unwrapped(surface, synthesis, size)
-    }
-
-    fn bake(&self, sets: &UvSets, kind: MapKind, map: &Texture) -> Texture {
-        let Bench { surface, synthesis, atlas, tangents, coverage } = self;
-        let inputs =
-            Inputs { surface, synthesis, atlas, coverage, tangents, sets, sources: None, filter: Filter::Linear };
-        bake_map(&inputs, kind, map).expect("they belong together")
     }
 
     fn scattered(&self, size: [u32; 2], blend: Blend) -> UvSets {
@@ -69,10 +47,10 @@ fn a_plane_with_the_identity_mapping_is_the_sample() {
     let atlas = Atlas::keep(&surface, 0, 64).expect("UVs of a square");
     assert_eq!(atlas.chart_count, 1);
     assert!((atlas.texels_per_unit - 64.0).abs() < 1e-6);
-    let bench = Bench::new(surface.clone(), refined(&surface, 3), atlas);
+    let bench = Bench::new(surface.clone(), refined(&surface, 3), atlas, 4);
     assert_eq!(bench.coverage.share(), 1.0);
     let (sample, sets) = (noise(64), flat_set(&bench.synthesis.mesh, [64, 64], 64.0));
-    let out = bench.bake(&sets, MapKind::BaseColor, &sample);
+    let out = bench.bake(&sets, None, MapKind::BaseColor, &sample);
     let worst = out.data().iter().zip(sample.data()).fold(0.0f32, |m, (a, b)| m.max((a - b).abs()));
     assert!(worst < 1e-3, "{worst}");
 }
@@ -83,7 +61,7 @@ fn a_constant_sample_bakes_to_a_constant() {
     for blend in [Blend::Linear, Blend::Variance, Blend::Nearest] {
         let sets = bench.scattered([16, 16], blend);
         let grey = Texture::from_fn(16, 16, 1, |_, _, o| o[0] = 0.3);
-        let out = bench.bake(&sets, MapKind::Roughness, &grey);
+        let out = bench.bake(&sets, None, MapKind::Roughness, &grey);
         assert!(out.data().iter().all(|v| (v - 0.3).abs() < 1e-5), "{blend:?}");
     }
 }
@@ -94,7 +72,7 @@ fn a_flat_normal_map_stays_flat_on_round_and_sharp_meshes() {
     let cube_mesh = cube();
     let cube_synthesis = refined(&cube_mesh, 4);
     for bench in [Bench::sphere(128), Bench::unwrapped(cube_mesh, cube_synthesis, 128)] {
-        let out = bench.bake(&bench.scattered([16, 16], Blend::Variance), MapKind::Normal, &flat);
+        let out = bench.bake(&bench.scattered([16, 16], Blend::Variance), None, MapKind::Normal, &flat);
         for n in out.data().chunks_exact(3) {
             assert!(n[0].abs() < 2e-3 && n[1].abs() < 2e-3 && n[2] > 0.999, "{n:?}");
         }
@@ -111,7 +89,7 @@ fn engines_decode_the_normals_that_the_sample_has_on_the_surface() {
         let n = unit_or([k.unit(0) as f32 - 0.5, k.unit(1) as f32 - 0.5, 1.0], [0.0; 3]);
         o.copy_from_slice(&n);
     });
-    let out = bench.bake(&sets, MapKind::Normal, &bumpy);
+    let out = bench.bake(&sets, None, MapKind::Normal, &bumpy);
     let pyramid = Pyramid::<4>::new(&bumpy);
     let (mut checked, mut far) = (0, 0);
     for (x, y) in (0..128).flat_map(|y| (0..128).map(move |x| (x, y))) {
@@ -152,9 +130,9 @@ fn torn_square() -> (Surface, Atlas) {
 fn normals_turn_with_the_chart_and_gutters_show_them_in_the_own_basis() {
     let (surface, atlas) = torn_square();
     let synthesis = synthesis(&surface);
-    let bench = Bench::new(surface, synthesis, atlas);
+    let bench = Bench::new(surface, synthesis, atlas, 4);
     let tilted = Texture::from_fn(20, 20, 3, |_, _, o| o.copy_from_slice(&[0.6, 0.0, 0.8]));
-    let out = bench.bake(&flat_set(&bench.synthesis.mesh, [20, 20], 20.0), MapKind::Normal, &tilted);
+    let out = bench.bake(&flat_set(&bench.synthesis.mesh, [20, 20], 20.0), None, MapKind::Normal, &tilted);
     let near = |at: (u32, u32), n: [f32; 3]| {
         let v = out.get(at.0, at.1);
         assert!((0..3).all(|k| (v[k] - n[k]).abs() < 0.01), "{at:?}: {v:?}, wanted {n:?}");
@@ -170,7 +148,7 @@ fn normals_turn_with_the_chart_and_gutters_show_them_in_the_own_basis() {
 fn the_gutter_shows_the_surface_beyond_the_border() {
     let (surface, atlas) = torn_square();
     let synthesis = refined(&surface, 5);
-    let bench = Bench::new(surface, synthesis, atlas);
+    let bench = Bench::new(surface, synthesis, atlas, 4);
     let mut across = 0;
     for g in bench.coverage.gutter_in(0..64).iter().filter(|g| g.across != super::gutter::NO_BORDER) {
         let (x, y) = (f64::from(g.texel % 64) + 0.5, f64::from(g.texel / 64) + 0.5);
@@ -232,11 +210,11 @@ fn the_number_of_threads_changes_no_byte() {
         par::install(jobs, || {
             let bench = Bench::sphere(128);
             let sets = bench.scattered([32, 32], Blend::Variance);
-            let color = bench.bake(&sets, MapKind::BaseColor, &noise(32));
+            let color = bench.bake(&sets, None, MapKind::BaseColor, &noise(32));
             let normal = Texture::from_fn(32, 32, 3, |x, _, o| {
                 o.copy_from_slice(if x % 2 == 0 { &[0.6, 0.0, 0.8] } else { &[0.0, 0.6, 0.8] });
             });
-            (color, bench.bake(&sets, MapKind::Normal, &normal), bench.atlas, bench.tangents)
+            (color, bench.bake(&sets, None, MapKind::Normal, &normal), bench.atlas, bench.tangents)
         })
     };
     let one = run(1);
@@ -281,9 +259,9 @@ fn minified_samples_do_not_alias() {
     let surface = plane(2);
     let atlas = Atlas::keep(&surface, 0, 32).expect("UVs of a square");
     let synthesis = synthesis(&surface);
-    let bench = Bench::new(surface, synthesis, atlas);
+    let bench = Bench::new(surface, synthesis, atlas, 4);
     let checks = Texture::from_fn(256, 256, 1, |x, y, o| o[0] = ((x + y) % 2) as f32);
-    let out = bench.bake(&flat_set(&bench.synthesis.mesh, [256, 256], 256.0), MapKind::Height, &checks);
+    let out = bench.bake(&flat_set(&bench.synthesis.mesh, [256, 256], 256.0), None, MapKind::Height, &checks);
     assert!(
         out.data().iter().all(|v| (v - 0.5).abs() < 0.02),
         "{:?}",
@@ -344,9 +322,9 @@ fn degenerate_and_repeated_triangles_neither_fail_nor_spoil() {
     assert_eq!(bench.atlas.chart[10], bench.atlas.chart[0]);
     assert_eq!(bench.atlas.corner_uv[30..33], bench.atlas.corner_uv[0..3]);
     let sets = bench.scattered([16, 16], Blend::Variance);
-    assert!(bench.bake(&sets, MapKind::BaseColor, &noise(16)).data().iter().all(|v| v.is_finite()));
+    assert!(bench.bake(&sets, None, MapKind::BaseColor, &noise(16)).data().iter().all(|v| v.is_finite()));
     let flat = Texture::from_fn(16, 16, 3, |_, _, o| o.copy_from_slice(&[0.0, 0.0, 1.0]));
-    assert!(bench.bake(&sets, MapKind::Normal, &flat).data().iter().all(|v| v.is_finite()));
+    assert!(bench.bake(&sets, None, MapKind::Normal, &flat).data().iter().all(|v| v.is_finite()));
 }
 
 #[test]

@@ -199,30 +199,14 @@ impl Maker<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{flat_set, plane, refined, scattered, sphere, synthesis};
-    use super::super::{Extent, Filter, Inputs, Library, UnwrapParams, bake_map, tangents, unwrap};
+    use super::super::testing::{Bench, flat_set, plane, refined, scattered, sphere, synthesis};
+    use super::super::{Extent, Filter, Inputs, Library, UnwrapParams, bake_map, unwrap};
     use super::*;
-    use crate::mesh::Surface;
     use crate::numerics::rng::Key;
     use crate::texture::{MapKind, Texture, Uv, texel};
     use crate::uvset::Blend;
 
-    /// A surface on a page, and its synthesis mesh.
-    struct Bench {
-        surface: Surface,
-        synthesis: SynthesisMesh,
-        atlas: Atlas,
-        tangents: Vec<[f32; 4]>,
-        coverage: Coverage,
-    }
-
     impl Bench {
-        fn new(surface: Surface, synthesis: SynthesisMesh, atlas: Atlas) -> Bench {
-            let tangents = tangents(&surface, &atlas);
-            let coverage = Coverage::new(&surface, &synthesis, &atlas, &tangents, 2).unwrap();
-            Bench { surface, synthesis, atlas, tangents, coverage }
-        }
-
         /// A plane whose right half is a chart of its own, turned by a quarter.
         fn cut_plane(side: u32) -> Bench {
             let mut surface = plane(4);
@@ -240,26 +224,19 @@ mod tests {
             let atlas = Atlas::keep(&surface, 0, side).unwrap();
             assert_eq!(atlas.chart_count, 2);
             let synthesis = refined(&surface, 2);
-            Bench::new(surface, synthesis, atlas)
+            Bench::new(surface, synthesis, atlas, 2)
         }
 
-        fn sphere() -> Bench {
+        fn small_sphere() -> Bench {
             let surface = sphere(3);
             let params = UnwrapParams { extent: Extent::Page(128), gutter_px: 4, library: Library::Uvunwrap };
             let atlas = unwrap(&surface, &params).unwrap();
             let synthesis = synthesis(&surface);
-            Bench::new(surface, synthesis, atlas)
+            Bench::new(surface, synthesis, atlas, 2)
         }
 
         fn graph(&self, sets: &UvSets) -> TexelGraph {
             TexelGraph::new(&self.coverage, &self.synthesis, &self.atlas, sets).unwrap()
-        }
-
-        fn bake(&self, sets: &UvSets, sources: Option<&TexelSources>, kind: MapKind, map: &Texture) -> Texture {
-            let Bench { surface, synthesis, atlas, tangents, coverage } = self;
-            let inputs =
-                Inputs { surface, synthesis, atlas, coverage, tangents, sets, sources, filter: Filter::Linear };
-            bake_map(&inputs, kind, map).unwrap()
         }
     }
 
@@ -335,7 +312,7 @@ mod tests {
 
     #[test]
     fn edges_go_both_ways_and_are_short() {
-        let bench = Bench::sphere();
+        let bench = Bench::small_sphere();
         let sets = scattered(&bench.synthesis.mesh, [64, 64], bench.atlas.texels_per_unit, Blend::Linear);
         let g = bench.graph(&sets);
         let row = |v: u32| g.starts[v as usize] as usize..g.starts[v as usize + 1] as usize;
