@@ -25,27 +25,42 @@ const LEAST_SUM: f64 = 1e-3;
 /// half-edge's vertex, and the opposite one is the negative, turned. All finite, if positions are.
 pub fn edge_offsets(mesh: &TriMesh, topo: &Topology, normals: &[Vec3], field: &Field, symmetry: Symmetry) -> Vec<Vec2> {
     let bases = par::map(normals.len(), |v| Basis { u: field.up[v], v: field.up[v].cross(normals[v]) });
-    // In the frame of `a`, and the quarter turns that take b's basis to match a's; always asked with a < b.
+    // In the frame of `a`; always asked with a < b.
     let from_lower = |a: usize, b: usize| {
-        let (basis, quarters) = bases[b].turned_to(&bases[a], symmetry);
+        let (basis, _) = bases[b].turned_to(&bases[a], symmetry);
         let edge = mesh.positions[b] - mesh.positions[a];
         let scale = (f64::from(field.scale[a]) + f64::from(field.scale[b])) * 0.5;
         let plane = bases[a].mean(&basis, normals[a], normals[b]);
-        (vec2(edge.dot(plane.v) * scale, -(edge.dot(plane.u) * scale)), quarters)
+        vec2(edge.dot(plane.v) * scale, -(edge.dot(plane.u) * scale))
     };
-    let of = |v: usize| {
-        topo.neighbours(v as u32).iter().map(move |&n| {
-            let n = n as usize;
-            if v < n {
-                return from_lower(v, n).0;
+    let vertices = topo.vertex_count();
+    let start = |v: usize| if v < vertices { topo.half_edges(v as u32).start } else { topo.half_edge_count() };
+    let mut offsets = vec![Vec2::ZERO; topo.half_edge_count()];
+    par::fill_rows(&mut offsets, vertices, 1024, start, |some, part| {
+        let first = start(some.start);
+        for v in some {
+            for h in topo.half_edges(v as u32) {
+                let n = topo.target(h) as usize;
+                if v < n {
+                    part[h - first] = from_lower(v, n);
+                }
             }
-            let (offset, quarters) = from_lower(n, v);
-            // Our basis, turned by so much, was theirs: turn what they saw back into ours.
-            (0..quarters).fold(-offset, |o, _| quarter_from_turned(o))
-        })
-    };
-    let rows = par::map_chunks(topo.vertex_count(), 1024, |r| r.flat_map(of).collect::<Vec<_>>());
-    rows.into_iter().flatten().collect()
+        }
+    });
+    // Neighbours ascend within a row, so what leads back from a vertex to lower ones comes in the order met here.
+    let mut back: Vec<usize> = (0..vertices).map(start).collect();
+    for v in 0..vertices {
+        for h in topo.half_edges(v as u32) {
+            let n = topo.target(h) as usize;
+            if v < n {
+                // Their basis, turned by so much, was ours: turn what was seen here back into theirs.
+                let (_, quarters) = bases[n].turned_to(&bases[v], symmetry);
+                offsets[back[n]] = (0..quarters).fold(-offsets[h], |o, _| quarter_from_turned(o));
+                back[n] += 1;
+            }
+        }
+    }
+    offsets
 }
 
 /// The box (least, greatest corner) of the offsets of a vertex's half-edges and of 0, per vertex: an address is valid

@@ -15,25 +15,18 @@ pub struct Topology {
 }
 
 impl Topology {
-    /// Builds the rows in time linear in the faces, but for sorting each row.
+    /// Builds the rows in time linear in the faces.
     pub fn new(mesh: &TriMesh) -> Self {
         let n = mesh.positions.len();
-        let corner = |f: &[u32; 3]| [(f[0], f[1]), (f[1], f[2]), (f[2], f[0])];
-        let edges = mesh.faces.iter().flat_map(corner).filter(|(a, b)| a != b);
-        let (starts, neighbours) = rows(n, edges.flat_map(|(a, b)| [(a, b), (b, a)]));
-        let incident = mesh.faces.iter().enumerate().flat_map(|(i, f)| f.map(|v| (v, i as u32)));
-        let (face_starts, faces) = rows(n, incident);
+        let (starts, neighbours) = neighbours(n, &mesh.faces);
+        let (face_starts, faces) = incident(n, &mesh.faces);
         Topology { starts, neighbours, face_starts, faces }
     }
 
-    /// Adjacency without faces: the neighbours of each vertex, ascending, each the other's.
-    pub(crate) fn from_rows(rows: Vec<Vec<u32>>) -> Self {
-        let ends = rows.iter().scan(0, |end, row| {
-            *end += row.len() as u32;
-            Some(*end)
-        });
-        let starts: Vec<u32> = std::iter::once(0).chain(ends).collect();
-        Topology { face_starts: vec![0; starts.len()], starts, neighbours: rows.concat(), faces: vec![] }
+    /// Adjacency without faces: where the row of each vertex starts, and where the last ends; the neighbours of each
+    /// vertex, ascending, each the other's.
+    pub(crate) fn from_rows(starts: Vec<u32>, neighbours: Vec<u32>) -> Self {
+        Topology { face_starts: vec![0; starts.len()], starts, neighbours, faces: vec![] }
     }
 
     /// Number of vertices.
@@ -72,40 +65,99 @@ impl Topology {
     }
 }
 
-/// Sorted rows without repeats from (row, entry) pairs.
-fn rows(n: usize, pairs: impl Iterator<Item = (u32, u32)> + Clone) -> (Vec<u32>, Vec<u32>) {
+/// The neighbours of each vertex: where each row starts, and the rows.
+fn neighbours(n: usize, faces: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
     let mut starts = vec![0u32; n + 1];
-    for (row, _) in pairs.clone() {
-        starts[row as usize + 1] += 1;
-    }
-    for i in 0..n {
-        starts[i + 1] += starts[i];
-    }
+    each_pair(faces, |row, _| starts[row as usize + 1] += 1);
+    sum_up(&mut starts);
+    // Each vertex's neighbours as they come, repeated; then, vertex by vertex, what has it as a neighbour: that is
+    // the same, ascending.
     let mut fill = starts.clone();
-    let mut entries = vec![0u32; starts[n] as usize];
-    for (row, entry) in pairs {
-        entries[fill[row as usize] as usize] = entry;
+    let mut unsorted = vec![0u32; starts[n] as usize];
+    each_pair(faces, |row, entry| {
+        unsorted[fill[row as usize] as usize] = entry;
         fill[row as usize] += 1;
-    }
-    let (mut packed, mut packed_starts) = (Vec::with_capacity(entries.len()), vec![0u32; n + 1]);
+    });
+    fill.copy_from_slice(&starts);
+    let mut sorted = vec![0u32; unsorted.len()];
     for v in 0..n {
-        let row = &mut entries[starts[v] as usize..starts[v + 1] as usize];
-        row.sort_unstable();
-        let mut last = None;
-        for &e in row.iter() {
-            if last != Some(e) {
-                packed.push(e);
-                last = Some(e);
+        for &row in &unsorted[starts[v] as usize..starts[v + 1] as usize] {
+            let (first, end) = (starts[row as usize] as usize, fill[row as usize] as usize);
+            if end == first || sorted[end - 1] != v as u32 {
+                sorted[end] = v as u32;
+                fill[row as usize] += 1;
             }
         }
-        packed_starts[v + 1] = packed.len() as u32;
     }
-    (packed_starts, packed)
+    drop(unsorted);
+    // Closes the gaps that repeats left.
+    let mut packed = 0;
+    for v in 0..n {
+        let row = starts[v] as usize..fill[v] as usize;
+        starts[v] = packed as u32;
+        packed += row.len();
+        sorted.copy_within(row.clone(), packed - row.len());
+    }
+    starts[n] = packed as u32;
+    sorted.truncate(packed);
+    sorted.shrink_to_fit();
+    (starts, sorted)
+}
+
+/// The faces at each vertex: where each row starts, and the rows.
+fn incident(n: usize, faces: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
+    let mut starts = vec![0u32; n + 1];
+    each_corner(faces, |row, _| starts[row as usize + 1] += 1);
+    sum_up(&mut starts);
+    let mut fill = starts.clone();
+    let mut entries = vec![0u32; starts[n] as usize];
+    each_corner(faces, |row, face| {
+        entries[fill[row as usize] as usize] = face;
+        fill[row as usize] += 1;
+    });
+    (starts, entries)
+}
+
+/// Both directions of each face's edges.
+fn each_pair(faces: &[[u32; 3]], mut pair: impl FnMut(u32, u32)) {
+    for &[a, b, c] in faces {
+        for (a, b) in [(a, b), (b, c), (c, a)] {
+            if a != b {
+                pair(a, b);
+                pair(b, a);
+            }
+        }
+    }
+}
+
+/// Each vertex of each face, with the face.
+fn each_corner(faces: &[[u32; 3]], mut pair: impl FnMut(u32, u32)) {
+    for (i, &[a, b, c]) in faces.iter().enumerate() {
+        pair(a, i as u32);
+        if b != a {
+            pair(b, i as u32);
+        }
+        if c != a && c != b {
+            pair(c, i as u32);
+        }
+    }
+}
+
+/// Each count becomes the sum of all up to it.
+fn sum_up(counts: &mut [u32]) {
+    let mut sum = 0;
+    for count in counts {
+        sum += *count;
+        *count = sum;
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use super::*;
+    use crate::mesh::zoo;
     use crate::numerics::vec::vec3;
 
     #[test]
@@ -120,5 +172,26 @@ mod tests {
         assert_eq!(t.half_edge_count(), 10);
         assert_eq!(t.target(t.find(2, 3).unwrap()), 3);
         assert_eq!(t.find(1, 3), None);
+    }
+
+    #[test]
+    fn rows_are_those_of_sets() {
+        for (name, m) in zoo::all() {
+            let n = m.positions.len();
+            let (mut around, mut at) = (vec![BTreeSet::new(); n], vec![BTreeSet::new(); n]);
+            for (i, &[a, b, c]) in m.faces.iter().enumerate() {
+                for (a, b) in [(a, b), (b, c), (c, a)] {
+                    at[a as usize].insert(i as u32);
+                    around[a as usize].extend((a != b).then_some(b));
+                    around[b as usize].extend((a != b).then_some(a));
+                }
+            }
+            let t = Topology::new(&m);
+            for v in 0..n as u32 {
+                assert!(t.neighbours(v).iter().eq(&around[v as usize]), "{name}");
+                assert!(t.faces(v).iter().eq(&at[v as usize]), "{name}");
+            }
+            assert_eq!(t.half_edge_count(), around.iter().map(BTreeSet::len).sum::<usize>(), "{name}");
+        }
     }
 }

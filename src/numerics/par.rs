@@ -38,6 +38,26 @@ pub fn for_rows<T: Send>(data: &mut [T], row_len: usize, f: impl Fn(usize, &mut 
     data.par_chunks_mut(row_len.max(1)).enumerate().for_each(|(i, row)| f(i, row));
 }
 
+/// Fills rows of differing length in parallel: the items of row `i` of `n` lie in `data` between `start(i)` and
+/// `start(i + 1)`. Calls `f(first..last, part)` for each whole chunk of `chunk` rows (the last may be shorter) with their
+/// items. Panics if starts fall or lie beyond the data.
+pub fn fill_rows<T: Send>(
+    mut data: &mut [T],
+    n: usize,
+    chunk: usize,
+    start: impl Fn(usize) -> usize,
+    f: impl Fn(std::ops::Range<usize>, &mut [T]) + Sync,
+) {
+    let mut parts = Vec::with_capacity(n.div_ceil(chunk.max(1)));
+    for first in (0..n).step_by(chunk.max(1)) {
+        let last = (first + chunk.max(1)).min(n);
+        let (part, rest) = data.split_at_mut(start(last) - start(first));
+        parts.push((first..last, part));
+        data = rest;
+    }
+    parts.into_par_iter().for_each(|(rows, part)| f(rows, part));
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -47,5 +67,17 @@ mod tests {
         let run = |jobs| install(jobs, || (map(1000, |i| i * i), map_chunks(10, 4, |r| (r.start, r.end))));
         assert_eq!(run(1), run(8));
         assert_eq!(run(2).1, vec![(0, 4), (4, 8), (8, 10)]);
+    }
+
+    #[test]
+    fn rows_of_any_length_are_filled() {
+        let starts = [0, 2, 2, 3, 7, 8];
+        let mut data = [0; 8];
+        let row = |rows: std::ops::Range<usize>, part: &mut [usize]| {
+            let first = starts[rows.start];
+            rows.for_each(|r| part[starts[r] - first..starts[r + 1] - first].fill(r));
+        };
+        fill_rows(&mut data, 5, 2, |r| starts[r], row);
+        assert_eq!(data, [0, 0, 2, 3, 3, 3, 3, 4]);
     }
 }
