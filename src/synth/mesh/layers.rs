@@ -38,15 +38,25 @@ pub fn layered_sets(
         let one = |face: &[u32; 3]| {
             layers.clear();
             let mut reaching = face.map(|v| sites.reaching(v));
-            // Each corner's sites are in order: the lowest of the three next.
-            while let Some(site) = reaching.iter().filter_map(|r| r.first()).map(|r| r.site).min() {
+            loop {
+                // Each corner's sites are in order: the lowest of the three next.
+                let next = reaching.map(|r| r.first().map_or(u32::MAX, |r| r.site));
+                let site = next[0].min(next[1]).min(next[2]);
+                if site == u32::MAX {
+                    break;
+                }
+                let there = [0, 1, 2].map(|k| (next[k] == site).then(|| reaching[k][0]));
+                for k in 0..3 {
+                    reaching[k] = &reaching[k][usize::from(there[k].is_some())..];
+                }
+                // Where it is only known, it need not be.
+                if there.iter().flatten().all(|r| r.weight <= 0.0) {
+                    continue;
+                }
                 let a = address[site as usize];
                 let mut patch = Patch::new(site);
-                for (k, corner) in reaching.iter_mut().enumerate() {
-                    if let Some((r, rest)) = corner.split_first().filter(|(r, _)| r.site == site) {
-                        patch.place(k, texel(a.x + r.offset[0], a.y + r.offset[1]), r.weight);
-                        *corner = rest;
-                    }
+                for (k, r) in there.iter().enumerate().filter_map(|(k, r)| Some((k, r.as_ref()?))) {
+                    patch.place(k, texel(a.x + r.offset[0], a.y + r.offset[1]), r.weight);
                 }
                 layers.push(patch);
             }
@@ -104,6 +114,10 @@ impl Patch {
         self.weight[0] + self.weight[1] + self.weight[2]
     }
 
+    fn ranked(&self, index: usize) -> Ranked {
+        Ranked { total: self.total(), id: self.id, index }
+    }
+
     /// Whether `other` is within `tolerance` of it at all corners that both know.
     fn continues(&self, other: &Patch, tolerance: f32) -> bool {
         self.at.iter().zip(&other.at).all(|(a, b)| {
@@ -140,12 +154,21 @@ pub(super) struct Layers {
     tolerance: f32,
     patches: Vec<Patch>,
     merged: Vec<Patch>,
+    order: Vec<Ranked>,
+}
+
+/// A patch in a list of patches.
+#[derive(Clone, Copy)]
+struct Ranked {
+    total: f32,
+    id: u32,
+    index: usize,
 }
 
 impl Layers {
     /// Patches within `tolerance` texels of each other at all corners will be one.
     pub fn new(tolerance: f32) -> Self {
-        Layers { tolerance, patches: vec![], merged: vec![] }
+        Layers { tolerance, patches: vec![], merged: vec![], order: vec![] }
     }
 
     pub fn clear(&mut self) {
@@ -163,29 +186,35 @@ impl Layers {
     /// front, the others by number, so that neighbouring faces mostly have them in the same order. Sets without a patch
     /// repeat the first.
     pub fn finish(&mut self, count: usize) -> FaceSets {
-        let heaviest = |a: &Patch, b: &Patch| b.total().total_cmp(&a.total()).then(a.id.cmp(&b.id));
-        self.patches.sort_unstable_by(heaviest);
+        let heaviest = |a: &Ranked, b: &Ranked| b.total.total_cmp(&a.total).then(a.id.cmp(&b.id));
+        self.order.clear();
+        self.order.extend(self.patches.iter().enumerate().map(|(i, p)| p.ranked(i)));
+        self.order.sort_unstable_by(heaviest);
         self.merged.clear();
-        for patch in &self.patches {
+        for ranked in &self.order {
+            let patch = &self.patches[ranked.index];
             match self.merged.iter_mut().find(|m| m.continues(patch, self.tolerance)) {
                 Some(whole) => whole.take_in(patch),
                 None => self.merged.push(patch.clone()),
             }
         }
-        self.merged.sort_unstable_by(heaviest);
-        self.merged.truncate(count);
-        if let Some((_, others)) = self.merged.split_first_mut() {
-            others.sort_unstable_by_key(|p| p.id);
+        self.order.clear();
+        self.order.extend(self.merged.iter().enumerate().map(|(i, p)| p.ranked(i)));
+        self.order.sort_unstable_by(heaviest);
+        self.order.truncate(count);
+        if let Some((_, others)) = self.order.split_first_mut() {
+            others.sort_unstable_by_key(|r| r.id);
         }
+        let (order, merged) = (&self.order, &self.merged);
+        let first = order.first().map_or([Texel::default(); 3], |r| merged[r.index].corners());
         let mut out = FaceSets { sets: [[Texel::default(); 3]; MAX_SETS], weights: [[0.0; 4]; 3] };
-        for s in 0..count {
-            let patch = self.merged.get(s).or(self.merged.first());
-            out.sets[s] = patch.map_or([Texel::default(); 3], Patch::corners);
+        for (s, set) in out.sets.iter_mut().enumerate().take(count) {
+            *set = if s == 0 { first } else { order.get(s).map_or(first, |r| merged[r.index].corners()) };
         }
         for (k, weights) in out.weights.iter_mut().enumerate() {
-            let sum: f32 = self.merged.iter().map(|p| p.weight[k]).sum();
+            let sum: f32 = order.iter().map(|r| merged[r.index].weight[k]).sum();
             match sum > 0.0 {
-                true => self.merged.iter().zip(weights).for_each(|(p, w)| *w = p.weight[k] / sum),
+                true => order.iter().zip(weights).for_each(|(r, w)| *w = merged[r.index].weight[k] / sum),
                 false => weights[0] = 1.0,
             }
         }

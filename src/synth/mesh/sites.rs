@@ -112,18 +112,16 @@ impl<'a> Spread<'a> {
         for label in self.seen.drain(..) {
             self.slots[label.vertex as usize] = NONE;
         }
-        self.offer(Label { vertex: start, turns: 0, settled: false, length: 0.0, at: Vec2::ZERO, weight: 0.0 });
+        let weight = |vertex: u32, at: Vec2, length: f64| {
+            let distance = at.length();
+            let within = distance < limit && length <= LONGEST * limit;
+            if within { weigh(vertex, distance).max(0.0) as f32 } else { 0.0 }
+        };
+        let first = weight(start, Vec2::ZERO, 0.0);
+        self.offer(Label { vertex: start, turns: 0, settled: false, length: 0.0, at: Vec2::ZERO, weight: first });
         while let Some(Reverse((_, slot))) = self.heap.pop() {
             let label = &mut self.seen[slot as usize];
             if std::mem::replace(&mut label.settled, true) {
-                continue;
-            }
-            let distance = label.at.length();
-            if distance >= limit || label.length > LONGEST * limit {
-                continue;
-            }
-            label.weight = weigh(label.vertex, distance).max(0.0) as f32;
-            if label.weight <= 0.0 {
                 continue;
             }
             let label = *label;
@@ -136,13 +134,16 @@ impl<'a> Spread<'a> {
                 }
                 let at = label.at + quarters(offsets[h], label.turns);
                 let turns = (label.turns + self.net.turns(label.vertex, h)) % 4;
-                self.offer(Label { vertex, turns, settled: false, length, at, weight: 0.0 });
+                let weight = weight(vertex, at, length);
+                self.offer(Label { vertex, turns, settled: false, length, at, weight });
             }
         }
     }
 
-    /// Takes in a label that is the vertex's first or better than its last.
+    /// Takes in a label that is the vertex's first or better than its last. One without weight is settled: no path goes
+    /// on from it.
     fn offer(&mut self, label: Label) {
+        let label = Label { settled: label.weight <= 0.0, ..label };
         let slot = &mut self.slots[label.vertex as usize];
         if *slot == NONE {
             *slot = self.seen.len() as u32;
@@ -150,12 +151,10 @@ impl<'a> Spread<'a> {
         } else {
             self.seen[*slot as usize] = label;
         }
-        // The bits of numbers that are not negative are in the numbers' order.
-        self.heap.push(Reverse((label.length.to_bits(), *slot)));
-    }
-
-    fn label(&self, vertex: u32) -> Option<&Label> {
-        self.seen.get(self.slots[vertex as usize] as usize)
+        if !label.settled {
+            // The bits of numbers that are not negative are in the numbers' order.
+            self.heap.push(Reverse((label.length.to_bits(), *slot)));
+        }
     }
 }
 
@@ -169,21 +168,27 @@ struct Nearest {
     distance: f64,
 }
 
-/// What one site comes to.
+/// What some sites come to, one after the other.
+#[derive(Default)]
 struct Laid {
-    /// Adjoining sites and the offsets to them, ascending.
+    /// Adjoining sites and the offsets to them, ascending for each site, and how many each has.
     beside: Vec<(u32, Vec2)>,
-    /// Vertices that it reaches.
+    degrees: Vec<u32>,
+    /// Vertices that are reached.
     reaches: Vec<(u32, Reach)>,
-    extent: [Vec2; 2],
+    /// Least and greatest corner of what each lays out.
+    extents: Vec<[Vec2; 2]>,
 }
 
-impl Laid {
-    fn reach(&mut self, v: u32, site: u32, at: Vec2, weight: f32) {
-        self.reaches.push((v, Reach { site, offset: [at.x as f32, at.y as f32], weight }));
-        let [low, high] = self.extent;
-        self.extent = [vec2(low.x.min(at.x), low.y.min(at.y)), vec2(high.x.max(at.x), high.y.max(at.y))];
+impl Reach {
+    fn new(site: u32, at: Vec2, weight: f32) -> Self {
+        Reach { site, offset: [at.x as f32, at.y as f32], weight }
     }
+}
+
+/// The least box that holds another and a point.
+fn extended([low, high]: [Vec2; 2], at: Vec2) -> [Vec2; 2] {
+    [vec2(low.x.min(at.x), low.y.min(at.y)), vec2(high.x.max(at.x), high.y.max(at.y))]
 }
 
 impl Sites {
@@ -199,19 +204,11 @@ impl Sites {
         }
         // Few large chunks: each has an array of all vertices.
         let laid = par::map_chunks(vertices.len(), vertices.len().div_ceil(16).max(64), |some| {
-            let mut spread = Spread::new(net);
-            some.map(|s| lay(&mut spread, s as u32, vertices[s], &nearest, spacing)).collect::<Vec<_>>()
+            let (mut spread, mut laid, mut paths) = (Spread::new(net), Laid::default(), vec![]);
+            some.for_each(|s| lay(&mut spread, s as u32, vertices[s], &nearest, spacing, &mut laid, &mut paths));
+            laid
         });
-        let mut laid: Vec<Laid> = laid.into_iter().flatten().collect();
-        // Every vertex has a site, even where offsets make no sense as a surface.
-        let mut reached = vec![false; nearest.len()];
-        laid.iter().flat_map(|l| &l.reaches).for_each(|(v, r)| reached[*v as usize] |= r.weight > 0.0);
-        for v in (0..nearest.len()).filter(|v| !reached[*v]) {
-            let Nearest { site, at, .. } = nearest[v];
-            laid[site as usize].reaches.retain(|r| r.0 != v as u32);
-            laid[site as usize].reach(v as u32, site, at, 1.0);
-        }
-        Some(assemble(vertices, laid, topology.vertex_count()))
+        Some(assemble(vertices, &laid, &nearest))
     }
 
     /// The sites in the order in which `order` first comes to a vertex next to each.
@@ -259,32 +256,43 @@ fn choose(net: Net, spacing: f64) -> (Vec<u32>, Vec<Nearest>) {
     (vertices, nearest)
 }
 
-/// Lays out the patch of a site.
-fn lay(spread: &mut Spread, site: u32, vertex: u32, nearest: &[Nearest], spacing: f64) -> Laid {
+/// Lays out the patch of a site. `paths` is scratch memory.
+fn lay(
+    spread: &mut Spread,
+    site: u32,
+    vertex: u32,
+    nearest: &[Nearest],
+    spacing: f64,
+    laid: &mut Laid,
+    paths: &mut Vec<Path>,
+) {
     let own = |v: u32| &nearest[v as usize];
     // Nobody is further than `spacing` from a site, so weights end before twice that.
     spread.from(vertex, 2.0 * spacing, |v, distance| 1.0 - (distance - own(v).distance).max(0.0) / spacing);
     let topology = spread.net.topology;
-    let mut laid = Laid { beside: vec![], reaches: vec![], extent: [Vec2::ZERO; 2] };
-    let mut paths: Vec<(u32, f64, u32, u32, Vec2)> = vec![];
+    let mut extent = [Vec2::ZERO; 2];
+    paths.clear();
+    // Those without weight are corners of faces that it reaches into.
     for &Label { vertex: v, at, weight, .. } in &spread.seen {
-        let is_corner = || topology.neighbours(v).iter().any(|n| spread.label(*n).is_some_and(|l| l.weight > 0.0));
-        if weight > 0.0 || is_corner() {
-            laid.reach(v, site, at, weight);
-        }
+        laid.reaches.push((v, Reach::new(site, at, weight)));
+        extent = extended(extent, at);
         if own(v).site == site {
             paths.extend(topology.half_edges(v).filter_map(|h| path(spread.net, site, v, h, nearest)));
         }
     }
     paths.sort_unstable_by(|p, q| p.0.cmp(&q.0).then(p.1.total_cmp(&q.1)).then((p.2, p.3).cmp(&(q.2, q.3))));
     paths.dedup_by_key(|p| p.0);
-    laid.beside = paths.into_iter().map(|p| (p.0, p.4)).collect();
-    laid
+    laid.beside.extend(paths.iter().map(|p| (p.0, p.4)));
+    laid.degrees.push(paths.len() as u32);
+    laid.extents.push(extent);
 }
 
+/// A path to another site: that site, the path's length, the ends in order of the edge that leads over, the offset.
+type Path = (u32, f64, u32, u32, Vec2);
+
 /// The path from a site over half-edge `h` of a vertex `v` nearest to it to the site next to the target, if that is
-/// another: that site, the path's length, the edge's ends in order, the offset.
-fn path(net: Net, site: u32, v: u32, h: usize, nearest: &[Nearest]) -> Option<(u32, f64, u32, u32, Vec2)> {
+/// another.
+fn path(net: Net, site: u32, v: u32, h: usize, nearest: &[Nearest]) -> Option<Path> {
     let w = net.topology.target(h);
     let (from, to, d) = (nearest[v as usize], nearest[w as usize], net.offsets[h]);
     if to.site == site {
@@ -304,26 +312,48 @@ fn path(net: Net, site: u32, v: u32, h: usize, nearest: &[Nearest]) -> Option<(u
     Some((to.site, length, v.min(w), v.max(w), offset))
 }
 
-fn assemble(vertices: Vec<u32>, laid: Vec<Laid>, mesh_vertices: usize) -> Sites {
-    let (mut rows, mut offsets, mut boxes) = (vec![], vec![], vec![]);
-    let mut starts = vec![0u32; mesh_vertices + 1];
-    for l in &laid {
-        rows.push(l.beside.iter().map(|b| b.0).collect());
-        offsets.extend(l.beside.iter().map(|b| b.1));
-        boxes.push(l.extent);
-        l.reaches.iter().for_each(|(v, _)| starts[*v as usize + 1] += 1);
+fn assemble(vertices: Vec<u32>, laid: &[Laid], nearest: &[Nearest]) -> Sites {
+    let flat = || laid.iter().flat_map(|l| &l.beside);
+    let mut site_starts = vec![0u32];
+    for degree in laid.iter().flat_map(|l| &l.degrees) {
+        site_starts.push(site_starts[site_starts.len() - 1] + degree);
     }
-    for v in 0..mesh_vertices {
+    let topology = Topology::from_rows(site_starts, flat().map(|b| b.0).collect());
+    let offsets = flat().map(|b| b.1).collect();
+    let mut boxes: Vec<[Vec2; 2]> = laid.iter().flat_map(|l| &l.extents).copied().collect();
+    // Every vertex has a site, even where offsets make no sense as a surface: its nearest, instead of what that says.
+    let mut reached = vec![false; nearest.len()];
+    laid.iter().flat_map(|l| &l.reaches).for_each(|(v, r)| reached[*v as usize] |= r.weight > 0.0);
+    let lost: Vec<usize> = (0..nearest.len()).filter(|v| !reached[*v]).collect();
+    let counts = |v: usize, r: &Reach| reached[v] || nearest[v].site != r.site;
+    let mut starts = vec![0u32; nearest.len() + 1];
+    for (v, r) in laid.iter().flat_map(|l| &l.reaches) {
+        starts[*v as usize + 1] += u32::from(counts(*v as usize, r));
+    }
+    lost.iter().for_each(|v| starts[v + 1] += 1);
+    for v in 0..nearest.len() {
         starts[v + 1] += starts[v];
     }
     let mut fill = starts.clone();
-    let unused = Reach { site: NONE, offset: [0.0; 2], weight: 0.0 };
-    let mut reaches = vec![unused; starts[mesh_vertices] as usize];
-    for (v, reach) in laid.into_iter().flat_map(|l| l.reaches) {
-        reaches[fill[v as usize] as usize] = reach;
-        fill[v as usize] += 1;
+    let mut reaches = vec![Reach::new(NONE, Vec2::ZERO, 0.0); starts[nearest.len()] as usize];
+    let mut put = |v: usize, reach: Reach| {
+        reaches[fill[v] as usize] = reach;
+        fill[v] += 1;
+    };
+    for (v, r) in laid.iter().flat_map(|l| &l.reaches) {
+        if counts(*v as usize, r) {
+            put(*v as usize, *r);
+        }
     }
-    Sites { vertices, topology: Topology::from_rows(rows), offsets, boxes, starts, reaches }
+    for v in &lost {
+        let Nearest { site, at, .. } = nearest[*v];
+        put(*v, Reach::new(site, at, 1.0));
+        boxes[site as usize] = extended(boxes[site as usize], at);
+    }
+    for v in lost {
+        reaches[starts[v] as usize..starts[v + 1] as usize].sort_unstable_by_key(|r| r.site);
+    }
+    Sites { vertices, topology, offsets, boxes, starts, reaches }
 }
 
 #[cfg(test)]
