@@ -80,6 +80,8 @@ pub(super) struct Scratch {
     layout: Vec<Vec2>,
     own: Vec<Shown>,
     candidate: Vec<Shown>,
+    /// Whether it is known what the candidate shows.
+    looked: Vec<bool>,
     free: Vec<bool>,
     /// What each pair costs as it is.
     costs: Vec<i32>,
@@ -162,6 +164,8 @@ fn lay_out(scene: &Scene, open: &[u32], number_of: impl Fn(u32) -> Option<usize>
     s.candidate.extend_from_slice(&s.own);
     s.free.clear();
     s.free.resize(s.nodes.len(), false);
+    s.looked.clear();
+    s.looked.resize(s.nodes.len(), false);
     s.costs.clear();
     s.costs.resize(s.pairs.len(), 0);
     s.after.clear();
@@ -265,15 +269,14 @@ fn frequent(votes: &mut [(i32, i32, u32)], but: &[(i32, i32, u32)], count: usize
 /// Gives those nodes to a patch for which the sum is least; true if it fell.
 fn expand(scene: &Scene, open: usize, patch: Vec2, s: &mut Scratch) -> bool {
     let mut any = false;
+    s.looked.fill(false);
     for i in 0..s.nodes.len() {
         let at = patch + s.layout[i];
-        s.candidate[i] = shown(scene, texel(at.x as f32, at.y as f32));
-        let valid = || s.candidate[i].sample.is_some() && scene.rooms[s.nodes[i] as usize].contains(s.candidate[i].at);
-        let new = || {
-            let (a, b) = (s.own[i].at, s.candidate[i].at);
-            (a.x - b.x).abs() >= SAME || (a.y - b.y).abs() >= SAME
-        };
-        s.free[i] = i < open && new() && valid();
+        let (a, b) = (s.own[i].at, texel(at.x as f32, at.y as f32));
+        s.candidate[i].at = b;
+        let new = (a.x - b.x).abs() >= SAME || (a.y - b.y).abs() >= SAME;
+        let valid = i < open && new && scene.rooms[s.nodes[i] as usize].contains(b);
+        s.free[i] = valid && look(scene, i, &mut s.candidate, &mut s.looked).is_some();
         any |= s.free[i];
     }
     if !any {
@@ -290,9 +293,17 @@ fn expand(scene: &Scene, open: usize, patch: Vec2, s: &mut Scratch) -> bool {
     taken && take(scene, open, s)
 }
 
+/// What a candidate shows. It takes a while to see, and of most nobody asks.
+fn look(scene: &Scene, i: usize, candidate: &mut [Shown], looked: &mut [bool]) -> Option<Sample> {
+    if !std::mem::replace(&mut looked[i], true) {
+        candidate[i].sample = scene.metric.sample(candidate[i].at);
+    }
+    candidate[i].sample
+}
+
 /// Sets the capacities of a move.
 fn load(scene: &Scene, s: &mut Scratch) {
-    let Scratch { cut, nodes, pairs, own, candidate, free, costs, .. } = s;
+    let Scratch { cut, nodes, pairs, own, candidate, looked, free, costs, .. } = s;
     cut.reset(nodes.len());
     for i in (0..nodes.len()).filter(|i| free[*i]) {
         cut.add_terminal(i, 2 * (scene.usage.cost_at(candidate[i].at) - scene.usage.cost_at(own[i].at)));
@@ -302,13 +313,15 @@ fn load(scene: &Scene, s: &mut Scratch) {
         if !free[i] && !free[j] {
             continue;
         }
+        // Inside one patch both moves compare the same places.
+        let within = (stay == 0 && p.flat).then(|| gap(p, own[i].at, candidate[j].at));
+        let seen = within.filter(|gap| *gap >= SAME).map_or(0, |gap| {
+            let [first, second] = [i, j].map(|k| [own[k].sample, look(scene, k, candidate, looked)]);
+            jump(gap) + visible(scene, first, second)
+        });
         let mixed = |a: &Shown, b: &Shown| cost(scene, p, a, b);
-        let (second, first) = if stay == 0 && p.flat {
-            // Inside one patch both moves compare the same places.
-            let gap = gap(p, own[i].at, candidate[j].at);
-            let at_first = [own[i].sample, candidate[i].sample];
-            let seen = jump(gap) + visible(scene, at_first, [own[j].sample, candidate[j].sample]);
-            if gap < SAME { (0, 0) } else { (seen, seen) }
+        let (second, first) = if within.is_some() {
+            (seen, seen)
         } else {
             let second = if free[j] { mixed(&own[i], &candidate[j]) } else { 0 };
             (second, if free[i] { mixed(&candidate[i], &own[j]) } else { 0 })
