@@ -2,9 +2,6 @@
 //!
 //! Source: glTF 2.0, 4.4 (binary glTF). Unaware of: what the JSON says.
 
-use std::borrow::Cow;
-
-use gltf::binary::{Glb, Header};
 use serde_json::Value;
 
 use crate::io::SceneError;
@@ -80,13 +77,25 @@ pub(super) fn json(text: &[u8]) -> Result<Value, SceneError> {
 /// Joins JSON and binary data into a .glb.
 pub(super) fn join(root: &Value, bin: &[u8]) -> Result<Vec<u8>, SceneError> {
     let json = serde_json::to_vec(root).map_err(|e| SceneError::Mismatch(format!("JSON: {e}")))?;
-    let total = json.len() + bin.len() + 36;
-    if u32::try_from(total).is_err() {
+    let total =
+        20 + json.len().next_multiple_of(4) + if bin.is_empty() { 0 } else { 8 + bin.len().next_multiple_of(4) };
+    let Ok(length) = u32::try_from(total) else {
         return Err(SceneError::TooLarge(format!("the .glb would have {total} bytes; at most {} fit", u32::MAX)));
+    };
+    let mut out = Vec::with_capacity(total);
+    out.extend_from_slice(b"glTF");
+    out.extend_from_slice(&2u32.to_le_bytes());
+    out.extend_from_slice(&length.to_le_bytes());
+    for (kind, data, padding) in [(JSON, &json[..], b' '), (BIN, bin, 0)] {
+        if kind == JSON || !data.is_empty() {
+            let padded = data.len().next_multiple_of(4);
+            out.extend_from_slice(&(padded as u32).to_le_bytes());
+            out.extend_from_slice(&kind.to_le_bytes());
+            out.extend_from_slice(data);
+            out.resize(out.len() + padded - data.len(), padding);
+        }
     }
-    let header = Header { magic: *b"glTF", version: 2, length: 0 };
-    let bin = (!bin.is_empty()).then_some(Cow::Borrowed(bin));
-    Glb { header, json: json.into(), bin }.to_vec().map_err(|e| SceneError::Mismatch(format!("writing: {e}")))
+    Ok(out)
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde_json::{Value, json};
 
-use super::accessor::{self, Format};
+use super::accessor::{self, Component, Format};
 use super::document::Document;
 use super::refs::{self, Kind, Step, index, list};
 use super::validate::Semantic;
@@ -120,7 +120,7 @@ impl<'a> Editor<'a> {
             value["normalized"] = true.into();
         }
         if bounds {
-            let (least, most) = bounds_of(format, &packed, count);
+            let (least, most) = bounds_of(format, &packed);
             (value["min"], value["max"]) = (least, most);
         }
         let stride = size.next_multiple_of(4);
@@ -301,7 +301,8 @@ impl<'a> Editor<'a> {
         let (new, old): (Vec<usize>, Vec<usize>) = live.partition(|i| self.written.contains_key(i));
         let mut old: Vec<_> = old.into_iter().map(|i| (self.doc.views[i].buffer, self.doc.views[i].start, i)).collect();
         old.sort_unstable();
-        let mut bin: Vec<u8> = Vec::new();
+        let size = old.iter().map(|o| self.doc.views[o.2].len + 16).sum::<usize>();
+        let mut bin = Vec::with_capacity(size + self.written.values().map(|w| w.len() + 8).sum::<usize>());
         // What was copied last: its buffer, how far it goes there, and how far its places were moved.
         let mut run: Option<(usize, usize, isize)> = None;
         for (buffer, start, i) in old {
@@ -322,7 +323,7 @@ impl<'a> Editor<'a> {
         for i in new {
             bin.resize(bin.len().next_multiple_of(8), 0);
             self.place(i, bin.len());
-            bin.extend_from_slice(&self.written[&i]);
+            bin.extend_from_slice(&self.written.remove(&i).unwrap_or_default());
         }
         bin
     }
@@ -363,12 +364,28 @@ impl<'a> Editor<'a> {
 }
 
 /// Least and greatest value per component.
-fn bounds_of(format: Format, packed: &[u8], count: usize) -> (Value, Value) {
-    let value = |i: usize, c: usize| format.component.read(&packed[i * format.size() + c * format.component.size()..]);
-    let fold = |c: usize, pick: fn(f64, f64) -> f64| (1..count).fold(value(0, c), |m, i| pick(m, value(i, c)));
-    let number = |v: f64| if format.component.unit() == 1.0 { json!(v) } else { json!(v as i64) };
-    let all = |pick: fn(f64, f64) -> f64| (0..format.width()).map(|c| number(fold(c, pick))).collect();
-    (all(f64::min), all(f64::max))
+fn bounds_of(format: Format, packed: &[u8]) -> (Value, Value) {
+    let component = format.component;
+    let (least, most) = match component {
+        Component::F32 => extremes(format, packed, |b| Component::F32.read(b)),
+        _ => extremes(format, packed, |b| component.read(b)),
+    };
+    let number = |v: f64| if component.unit() == 1.0 { json!(v) } else { json!(v as i64) };
+    (least.into_iter().map(number).collect(), most.into_iter().map(number).collect())
+}
+
+fn extremes(format: Format, packed: &[u8], read: impl Fn(&[u8]) -> f64) -> (Vec<f64>, Vec<f64>) {
+    let mut elements = packed.chunks_exact(format.size());
+    let values = |e: &[u8]| -> Vec<f64> { e.chunks_exact(format.component.size()).map(&read).collect() };
+    let mut least = elements.next().map_or(vec![], values);
+    let mut most = least.clone();
+    for e in elements {
+        let now = e.chunks_exact(format.component.size()).map(&read);
+        for ((v, least), most) in now.zip(&mut least).zip(&mut most) {
+            (*least, *most) = (least.min(v), most.max(v));
+        }
+    }
+    (least, most)
 }
 
 /// MIME type of an image by its first bytes.

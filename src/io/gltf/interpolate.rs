@@ -67,10 +67,14 @@ impl Mix {
     }
 }
 
-/// Positions at mixes, as the accessor's floats; `None` for vertices of the input, which stay as they are.
-pub(super) fn position(accessor: &Accessor, packed: &[u8], mix: &Mix) -> [f32; 3] {
-    let f = accessor.format;
-    std::array::from_fn(|c| mix.parts().map(|(v, w)| f.get(packed, v as usize, c) * w).sum::<f64>() as f32)
+/// All positions of an accessor.
+pub(super) fn positions(accessor: &Accessor, packed: &[u8]) -> Vec<[f64; 3]> {
+    (0..accessor.count).map(|v| std::array::from_fn(|c| accessor.format.get(packed, v, c))).collect()
+}
+
+/// The position at a mix.
+pub(super) fn position(positions: &[[f64; 3]], mix: &Mix) -> [f32; 3] {
+    std::array::from_fn(|c| mix.parts().map(|(v, w)| positions[v as usize][c] * w).sum::<f64>() as f32)
 }
 
 /// An attribute at all new vertices; `delta` for morph targets.
@@ -79,7 +83,8 @@ pub(super) fn attribute(doc: &Document, a: usize, semantic: Option<Semantic>, de
     let f = accessor.format;
     let packed = accessor.packed(&doc.buffers);
     if semantic == Some(Semantic::Position) && mixes.iter().any(|m| m.single().is_none()) {
-        let bytes = mixes.iter().flat_map(|m| position(accessor, &packed, m)).flat_map(f32::to_le_bytes).collect();
+        let all = positions(accessor, &packed);
+        let bytes = mixes.iter().flat_map(|m| position(&all, m)).flat_map(f32::to_le_bytes).collect();
         return Stream::new(Some(a), Component::F32, "VEC3", bytes);
     }
     let is_name = f.component != Component::F32 && (!f.normalized && matches!(semantic, Some(Semantic::Custom) | None));
@@ -177,7 +182,8 @@ fn influences(data: &[(Packed, Packed)], mix: &Mix) -> Vec<(u32, f64)> {
     if component == Component::F32 {
         merged.iter_mut().for_each(|m| m.1 /= total);
     } else {
-        let shares = share_out(&merged.iter().map(|m| m.1).collect::<Vec<_>>(), component.unit() as u32);
+        let mut shares = vec![0; merged.len()];
+        share_out(&merged.iter().map(|m| m.1).collect::<Vec<_>>(), component.unit() as u32, &mut shares);
         merged.iter_mut().zip(shares).for_each(|(m, s)| m.1 = f64::from(s));
     }
     merged
@@ -185,19 +191,33 @@ fn influences(data: &[(Packed, Packed)], mix: &Mix) -> Vec<(u32, f64)> {
 
 /// Integers in proportion to weights with a sum of exactly `total`: rounded down, then one more for the greatest
 /// remainders, the first of equals. All to the first if no weight is positive.
-pub(super) fn share_out(weights: &[f64], total: u32) -> Vec<u32> {
-    let sum: f64 = weights.iter().map(|w| w.max(0.0)).sum();
-    let exact: Vec<f64> =
-        weights.iter().map(|w| if sum > 0.0 { w.max(0.0) / sum * f64::from(total) } else { 0.0 }).collect();
-    let mut out: Vec<u32> = exact.iter().map(|e| e.floor() as u32).collect();
-    let mut order: Vec<usize> = (0..out.len()).collect();
-    order.sort_by(|&a, &b| (exact[b] - exact[b].floor()).total_cmp(&(exact[a] - exact[a].floor())).then(a.cmp(&b)));
-    let missing = total - out.iter().sum::<u32>().min(total);
-    for k in 0..missing as usize {
-        // Rounding leaves fewer than one each; without any weight the first gets everything.
-        out[if sum > 0.0 { order[k % order.len()] } else { 0 }] += 1;
-    }
+pub(super) fn shares<const N: usize>(weights: [f64; N], total: u32) -> [u32; N] {
+    let mut out = [0; N];
+    share_out(&weights, total, &mut out);
     out
+}
+
+/// [`shares`] of any number of weights, into as many integers.
+fn share_out(weights: &[f64], total: u32, out: &mut [u32]) {
+    let sum: f64 = weights.iter().map(|w| w.max(0.0)).sum();
+    if sum <= 0.0 || weights.first() == Some(&sum) {
+        out.fill(0);
+        out.iter_mut().take(1).for_each(|first| *first = total);
+        return;
+    }
+    let exact = |i: usize| weights[i].max(0.0) / sum * f64::from(total);
+    for (i, share) in out.iter_mut().enumerate() {
+        *share = exact(i).floor() as u32;
+    }
+    // Rounding leaves fewer than one each.
+    let mut last = None;
+    for _ in 0..total - out.iter().sum::<u32>().min(total) {
+        let remainders = (0..weights.len()).map(|i| (exact(i) - exact(i).floor(), i));
+        let after = |a: (f64, usize), b: (f64, usize)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)).is_gt();
+        let next = remainders.filter(|r| last.is_none_or(|l| after(*r, l)));
+        last = next.reduce(|a, b| if after(a, b) { b } else { a });
+        out[last.map_or(0, |(_, i)| i)] += 1;
+    }
 }
 
 #[cfg(test)]
@@ -206,12 +226,15 @@ mod tests {
 
     #[test]
     fn shares_sum_exactly() {
-        assert_eq!(share_out(&[1.0, 1.0, 1.0, 0.0], 255), [85, 85, 85, 0]);
-        assert_eq!(share_out(&[1.0, 1.0], 255), [128, 127]);
-        assert_eq!(share_out(&[0.0, 0.0, 0.0], 255), [255, 0, 0]);
+        assert_eq!(shares([1.0, 1.0, 1.0, 0.0], 255), [85, 85, 85, 0]);
+        assert_eq!(shares([1.0, 1.0], 255), [128, 127]);
+        assert_eq!(shares([0.0, 0.0, 0.0], 255), [255, 0, 0]);
+        assert_eq!(shares([0.0, 0.3, 0.0, 0.0], 65535), [0, 65535, 0, 0]);
+        // 1.4, 1.4, 1.4, 2.8 of 7: one more for the last, one for the first of equals.
+        assert_eq!(shares([1.0, 1.0, 1.0, 2.0], 7), [2, 1, 1, 3]);
         for i in 0..200 {
             let w = [f64::from(i), 13.7, f64::from(i % 7) * 3.3, 0.01];
-            assert_eq!(share_out(&w, 65535).iter().sum::<u32>(), 65535);
+            assert_eq!(shares(w, 65535).iter().sum::<u32>(), 65535);
         }
     }
 

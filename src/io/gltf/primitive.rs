@@ -140,7 +140,8 @@ impl Stream {
     pub(super) fn gather(doc: &Document, a: usize, source: &[u32]) -> Self {
         let accessor = &doc.accessors[a];
         let (size, packed) = (accessor.format.size(), accessor.packed(&doc.buffers));
-        let bytes = source.iter().flat_map(|&v| &packed[v as usize * size..(v as usize + 1) * size]).copied().collect();
+        let mut bytes = Vec::with_capacity(source.len() * size);
+        source.iter().for_each(|&v| bytes.extend_from_slice(&packed[v as usize * size..(v as usize + 1) * size]));
         Stream::New { like: Some(a), format: accessor.format, bytes }
     }
 }
@@ -192,12 +193,13 @@ pub(super) fn write_targets(
 
 /// Writes triangles with 16-bit indices where these do, else 32.
 pub(super) fn write_indices(editor: &mut Editor, faces: &[[u32; 3]], vertices: usize) -> Value {
-    let all = faces.iter().flatten();
+    let all = faces.as_flattened();
     // 65535 itself restarts a primitive.
-    let (component, bytes) = if vertices <= 65535 {
-        (Component::U16, all.flat_map(|&i| (i as u16).to_le_bytes()).collect())
-    } else {
-        (Component::U32, all.flat_map(|i| i.to_le_bytes()).collect())
-    };
+    let component = if vertices <= 65535 { Component::U16 } else { Component::U32 };
+    let mut bytes = Vec::with_capacity(all.len() * component.size());
+    match component {
+        Component::U16 => all.iter().for_each(|&i| bytes.extend_from_slice(&(i as u16).to_le_bytes())),
+        _ => all.iter().for_each(|i| bytes.extend_from_slice(&i.to_le_bytes())),
+    }
     editor.accessor(None, Format::new(component, "SCALAR", false), bytes, Target::Indices, false).into()
 }

@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use super::accessor::{Component, Format};
 use super::document::Document;
 use super::edit::Editor;
-use super::interpolate::{self, Mix, share_out};
+use super::interpolate::{self, Mix, shares};
 use super::material::{self, BakedMaps, Use};
 use super::nodes::Linear;
 use super::primitive::{self, Stream};
@@ -105,10 +105,12 @@ pub fn write_uv_sets(
     }
     let materials = material::prepare(&mut editor, &parts, &output.maps.material_name, shift);
     editor.release();
-    let mut points = Points { mesh: vec![u32::MAX; synthesis.mesh.positions.len()], at: Vec::new() };
-    points.at.resize(points.mesh.len(), [0.0; 3]);
+    let n = synthesis.mesh.positions.len();
+    let mut points = Points { mesh: vec![NONE; n], at: vec![[0.0; 3]; n], last: vec![NONE; n] };
     for (part, faces) in surface.parts.iter().zip(&faces).filter(|(_, f)| !f.is_empty()) {
-        let job = Job::new(doc, surface, synthesis, sets, output, part, faces);
+        let (weight_type, linear) = (weight_type(faces, sets), Linear::new(&part.to_world));
+        let wants_normals = output.maps.has(Use::Normal) && primitive::attribute(doc, part, "NORMAL").is_none();
+        let job = Job { doc, surface, synthesis, sets, output, part, faces, weight_type, linear, wants_normals };
         job.write(&mut editor, &mut points, shift as u32);
     }
     material::fill(&mut editor, &materials, output.maps);
@@ -217,121 +219,121 @@ fn short(v: f32) -> Value {
     format!("{v}").parse::<f64>().map_or(Value::Null, Value::from)
 }
 
-/// Positions of points between vertices, per vertex of the synthesis mesh, in the mesh that was written last.
+/// What is kept per vertex of the synthesis mesh from part to part.
 struct Points {
+    /// Positions of points between vertices, in the mesh that was written last.
     mesh: Vec<u32>,
     at: Vec<[f32; 3]>,
+    /// For [`Job::vertices`].
+    last: Vec<u32>,
 }
 
-/// One part being written. Corners are counted within the part.
+const NONE: u32 = u32::MAX;
+
+/// What lies at a corner, and thus at a vertex of the output.
+#[derive(Clone, Copy)]
+struct Vertex {
+    /// Its corner of the synthesis mesh, the first of those that share it, and its vertex there.
+    corner: usize,
+    vertex: u32,
+    /// Where it is in the input.
+    mix: Mix,
+    weights: [u32; 4],
+    /// Normal in the object; zero if the input has them or none are wanted.
+    normal: [f32; 3],
+}
+
+/// One part being written.
 struct Job<'a> {
     doc: &'a Document,
+    surface: &'a Surface,
+    synthesis: &'a SynthesisMesh,
     sets: &'a UvSets,
     output: &'a UvSetOutput<'a>,
     part: &'a Part,
-    /// Per corner: its corner of the synthesis mesh, its vertex there, where it is in the input.
-    corner: Vec<usize>,
-    vertex: Vec<u32>,
-    mix: Vec<Mix>,
-    weights: Vec<[u32; 4]>,
+    /// Its faces of the synthesis mesh.
+    faces: &'a [u32],
     weight_type: Component,
-    /// Normals in the object; empty if the input has them or none are wanted.
-    normals: Vec<[f32; 3]>,
-    mirrors: bool,
+    linear: Linear,
+    wants_normals: bool,
 }
 
 impl<'a> Job<'a> {
-    fn new(
-        doc: &'a Document,
-        surface: &Surface,
-        synthesis: &SynthesisMesh,
-        sets: &'a UvSets,
-        output: &'a UvSetOutput<'a>,
-        part: &'a Part,
-        faces: &[u32],
-    ) -> Self {
-        let linear = Linear::new(&part.to_world);
-        let same = equal_vertices(doc, part);
-        let corner: Vec<usize> = faces.iter().flat_map(|&f| (0..3).map(move |k| 3 * f as usize + k)).collect();
-        let mix = |&c: &usize| {
-            let vertices = surface.mesh.faces[synthesis.parent[c / 3] as usize];
-            Mix::new(vertices.map(|v| same[(v - part.vertices.start) as usize]), synthesis.parent_bary[c / 3][c % 3])
+    /// What lies at a corner of the synthesis mesh; `same`: see [`equal_vertices`].
+    fn vertex(&self, same: &[u32], corner: usize) -> Vertex {
+        let Job { surface, synthesis, .. } = self;
+        let (parent, bary) = (synthesis.parent[corner / 3] as usize, synthesis.parent_bary[corner / 3][corner % 3]);
+        let vertices = surface.mesh.faces[parent].map(|v| same[(v - self.part.vertices.start) as usize]);
+        let normal = || {
+            let normals = &surface.corner_normals[3 * parent..3 * parent + 3];
+            let sum = normals.iter().zip(bary).fold(Vec3::ZERO, |s, (n, b)| s + *n * f64::from(b));
+            let world = sum.normalized().unwrap_or(normals[0]);
+            self.linear.normal_to_object(world).unwrap_or(vec3(0.0, 0.0, 1.0)).to_f32()
         };
-        let (weights, weight_type) = quantise(&corner, sets);
-        let wants_normals = output.maps.has(Use::Normal) && primitive::attribute(doc, part, "NORMAL").is_none();
-        let normal = |&c: &usize| {
-            let first = 3 * synthesis.parent[c / 3] as usize;
-            let bary = synthesis.parent_bary[c / 3][c % 3];
-            let sum = (0..3).fold(Vec3::ZERO, |s, k| s + surface.corner_normals[first + k] * f64::from(bary[k]));
-            let world = sum.normalized().unwrap_or(surface.corner_normals[first]);
-            linear.normal_to_object(world).unwrap_or(vec3(0.0, 0.0, 1.0)).to_f32()
-        };
-        Job {
-            doc,
-            sets,
-            output,
-            part,
-            vertex: corner.iter().map(|&c| synthesis.mesh.faces[c / 3][c % 3]).collect(),
-            mix: corner.iter().map(mix).collect(),
-            weights,
-            weight_type,
-            normals: if wants_normals { corner.iter().map(normal).collect() } else { Vec::new() },
-            mirrors: linear.mirrors(),
+        Vertex {
             corner,
+            vertex: synthesis.mesh.faces[corner / 3][corner % 3],
+            mix: Mix::new(vertices, bary),
+            weights: shares(self.sets.weights[corner].map(f64::from), self.weight_type.unit() as u32),
+            normal: if self.wants_normals { normal() } else { [0.0; 3] },
         }
     }
 
     /// Whether two corners may be one vertex.
-    fn agree(&self, a: usize, b: usize) -> bool {
+    fn agree(&self, a: &Vertex, b: &Vertex) -> bool {
         let near = |x: f32, y: f32| (x - y).abs() <= self.output.weld_texels;
-        let (ca, cb) = (self.corner[a], self.corner[b]);
-        self.mix[a] == self.mix[b]
-            && self.weights[a] == self.weights[b]
-            && self.sets.sets.iter().all(|s| near(s[ca].x, s[cb].x) && near(s[ca].y, s[cb].y))
-            && (self.normals.is_empty() || self.normals[a] == self.normals[b])
+        let (ca, cb) = (a.corner, b.corner);
+        self.sets.sets.iter().all(|s| near(s[ca].x, s[cb].x) && near(s[ca].y, s[cb].y))
+            && a.weights == b.weights
+            && a.mix == b.mix
+            && a.normal == b.normal
             && self.output.material_space.is_none_or(|m| m.values[ca] == m.values[cb])
             && self.output.edge_metric.get(ca) == self.output.edge_metric.get(cb)
     }
 
-    /// The corners that stand for the vertices, ascending, and the triangles.
-    fn vertices(&self) -> (Vec<usize>, Vec<[u32; 3]>) {
-        let n = self.corner.len();
-        let mut order: Vec<usize> = (0..n).collect();
-        order.sort_unstable_by_key(|&i| (self.vertex[i], i));
-        let mut stands_for = vec![0; n];
-        for at in order.chunk_by(|&a, &b| self.vertex[a] == self.vertex[b]) {
-            let mut distinct: Vec<usize> = Vec::new();
-            for &i in at {
-                let known = distinct.iter().rev().take(LOOKBACK).find(|&&d| self.agree(d, i));
-                stands_for[i] = *known.unwrap_or(&i);
-                if stands_for[i] == i {
-                    distinct.push(i);
-                }
+    /// The vertices, by their first corners, and the triangles. `last` has as many entries as the synthesis mesh has
+    /// vertices, all [`NONE`], and is so again afterwards.
+    fn vertices(&self, last: &mut [u32]) -> (Vec<Vertex>, Vec<[u32; 3]>) {
+        let same = equal_vertices(self.doc, self.part);
+        let mut distinct: Vec<Vertex> = Vec::with_capacity(self.faces.len());
+        // Of each, the one before it at the same vertex of the synthesis mesh.
+        let mut before: Vec<u32> = Vec::with_capacity(self.faces.len());
+        let mut index = |corner: usize| {
+            let new = self.vertex(&same, corner);
+            let newest = &mut last[new.vertex as usize];
+            let vertex = |k: u32| (k != NONE).then_some(k);
+            let mut known = std::iter::successors(vertex(*newest), |&k| vertex(before[k as usize])).take(LOOKBACK);
+            if let Some(k) = known.find(|&k| self.agree(&distinct[k as usize], &new)) {
+                return k;
             }
-        }
-        let firsts: Vec<usize> = (0..n).filter(|&i| stands_for[i] == i).collect();
-        let mut index = vec![0u32; n];
-        firsts.iter().enumerate().for_each(|(k, &i)| index[i] = k as u32);
-        let order = if self.mirrors { [0, 2, 1] } else { [0, 1, 2] };
-        let face = |f: &[usize]| order.map(|k| index[f[k]]);
-        let faces = stands_for.chunks_exact(3).map(face).collect();
+            before.push(std::mem::replace(newest, distinct.len() as u32));
+            distinct.push(new);
+            distinct.len() as u32 - 1
+        };
+        let order = if self.linear.mirrors() { [0, 2, 1] } else { [0, 1, 2] };
+        let face = |&f: &u32| {
+            let corners = [0, 1, 2].map(|k| index(3 * f as usize + k));
+            order.map(|k| corners[k])
+        };
+        let faces: Vec<[u32; 3]> = self.faces.iter().map(face).collect();
+        distinct.iter().for_each(|v| last[v.vertex as usize] = NONE);
         match self.output.triangles {
-            TriangleOrder::Input => (firsts, faces),
-            TriangleOrder::Cache => for_cache(&firsts, faces),
+            TriangleOrder::Input => (distinct, faces),
+            TriangleOrder::Cache => for_cache(distinct, faces),
         }
     }
 
     fn write(&self, editor: &mut Editor, points: &mut Points, shift: u32) {
-        let (firsts, faces) = self.vertices();
-        let mixes: Vec<Mix> = firsts.iter().map(|&i| self.mix[i]).collect();
+        let (vertices, faces) = self.vertices(&mut points.last);
+        let mixes: Vec<Mix> = vertices.iter().map(|v| v.mix).collect();
         let old = primitive::of(self.doc, self.part);
-        let mut streams = self.new_streams(&firsts);
+        let mut streams = self.new_streams(&vertices);
         let skin = interpolate::skin(self.doc, &old["attributes"], &mixes);
         for (name, a) in primitive::carried(&old["attributes"], shift) {
             let semantic = Semantic::parse(&name);
             let stream = match semantic {
                 _ if skin.iter().any(|s| s.0 == name) => continue,
-                Some(Semantic::Position) => self.positions(a, &firsts, points),
+                Some(Semantic::Position) => self.positions(a, &vertices, points),
                 _ => interpolate::attribute(self.doc, a, semantic, false, &mixes),
             };
             streams.push((name, stream));
@@ -347,8 +349,8 @@ impl<'a> Job<'a> {
             })
             .collect();
         let attributes = primitive::write_streams(editor, streams);
-        let targets = primitive::write_targets(editor, targets, firsts.len());
-        let indices = primitive::write_indices(editor, &faces, firsts.len());
+        let targets = primitive::write_targets(editor, targets, vertices.len());
+        let indices = primitive::write_indices(editor, &faces, vertices.len());
         let entry = editor.primitive(self.part.mesh, self.part.primitive);
         entry["attributes"] = attributes;
         entry["indices"] = indices;
@@ -358,86 +360,91 @@ impl<'a> Job<'a> {
     }
 
     /// Coordinates, weights, and what else is new.
-    fn new_streams(&self, firsts: &[usize]) -> Vec<(String, Stream)> {
-        let floats = |shape: &str, values: Vec<f32>| {
-            let bytes = values.into_iter().flat_map(f32::to_le_bytes).collect();
-            Stream::new(None, Component::F32, shape, bytes)
-        };
+    fn new_streams(&self, vertices: &[Vertex]) -> Vec<(String, Stream)> {
         let [w, h] = self.sets.exemplar_size.map(|s| s as f32);
         let mut out: Vec<(String, Stream)> = Vec::new();
         for (s, set) in self.sets.sets.iter().enumerate() {
-            let uv = firsts.iter().map(|&i| set[self.corner[i]]).flat_map(|t| [t.x / w, t.y / h]).collect();
-            out.push((format!("TEXCOORD_{s}"), floats("VEC2", uv)));
+            let uv = |v: &Vertex| [set[v.corner].x / w, set[v.corner].y / h];
+            out.push((format!("TEXCOORD_{s}"), floats("VEC2", vertices.iter().map(uv))));
         }
-        let mut bytes = Vec::new();
-        firsts.iter().flat_map(|&i| self.weights[i]).for_each(|w| self.weight_type.write(f64::from(w), &mut bytes));
+        let mut bytes = Vec::with_capacity(4 * self.weight_type.size() * vertices.len());
+        match self.weight_type {
+            Component::U8 => bytes.extend(vertices.iter().flat_map(|v| v.weights).map(|w| w as u8)),
+            _ => vertices.iter().for_each(|v| v.weights.iter().for_each(|w| bytes.extend((*w as u16).to_le_bytes()))),
+        }
         let format = Format::new(self.weight_type, "VEC4", true);
         out.push(("_KILN_WEIGHTS".into(), Stream::New { like: None, format, bytes }));
         if self.output.repeat_weights_in_uv {
             let n = self.sets.sets.len();
             let unit = self.weight_type.unit();
             for (s, pair) in [[0, 1], [2, 3]].into_iter().enumerate().take(if n > 3 { 2 } else { 1 }) {
-                let share = |i: &usize| pair.map(|k| (f64::from(self.weights[*i][k]) / unit) as f32);
-                out.push((format!("TEXCOORD_{}", n + s), floats("VEC2", firsts.iter().flat_map(share).collect())));
+                let share = |v: &Vertex| pair.map(|k| (f64::from(v.weights[k]) / unit) as f32);
+                out.push((format!("TEXCOORD_{}", n + s), floats("VEC2", vertices.iter().map(share))));
             }
         }
         if let Some(space) = &self.output.material_space {
-            let values = firsts.iter().map(|&i| space.values[self.corner[i]]).collect();
+            let values = vertices.iter().map(|v| [space.values[v.corner]]);
             out.push(("_KILN_MATERIAL".into(), floats("SCALAR", values)));
         }
         if !self.output.edge_metric.is_empty() {
-            let values = firsts.iter().flat_map(|&i| self.output.edge_metric[self.corner[i]]).collect();
+            let values = vertices.iter().map(|v| self.output.edge_metric[v.corner]);
             out.push(("_KILN_EDGE".into(), floats("VEC2", values)));
         }
-        if !self.normals.is_empty() {
-            out.push(("NORMAL".into(), floats("VEC3", firsts.iter().flat_map(|&i| self.normals[i]).collect())));
+        if self.wants_normals {
+            out.push(("NORMAL".into(), floats("VEC3", vertices.iter().map(|v| v.normal))));
         }
         out
     }
 
     /// Positions; a point between vertices is where the mesh had it first.
-    fn positions(&self, a: usize, firsts: &[usize], points: &mut Points) -> Stream {
-        if firsts.iter().all(|&i| self.mix[i].single().is_some()) {
-            let source: Vec<u32> = firsts.iter().filter_map(|&i| self.mix[i].single()).collect();
+    fn positions(&self, a: usize, vertices: &[Vertex], points: &mut Points) -> Stream {
+        if vertices.iter().all(|v| v.mix.single().is_some()) {
+            let source: Vec<u32> = vertices.iter().filter_map(|v| v.mix.single()).collect();
             return Stream::gather(self.doc, a, &source);
         }
         let accessor = &self.doc.accessors[a];
-        let packed = accessor.packed(&self.doc.buffers);
-        let mut bytes = Vec::with_capacity(12 * firsts.len());
-        for &i in firsts {
-            let v = self.vertex[i] as usize;
-            let own = interpolate::position(accessor, &packed, &self.mix[i]);
-            let p = if self.mix[i].single().is_some() {
+        let input = interpolate::positions(accessor, &accessor.packed(&self.doc.buffers));
+        let position = |v: &Vertex| {
+            let (own, at) = (interpolate::position(&input, &v.mix), v.vertex as usize);
+            if v.mix.single().is_some() {
                 own
-            } else if points.mesh[v] == self.part.mesh {
-                points.at[v]
+            } else if points.mesh[at] == self.part.mesh {
+                points.at[at]
             } else {
-                (points.mesh[v], points.at[v]) = (self.part.mesh, own);
+                (points.mesh[at], points.at[at]) = (self.part.mesh, own);
                 own
-            };
-            bytes.extend(p.into_iter().flat_map(f32::to_le_bytes));
-        }
-        Stream::new(Some(a), Component::F32, "VEC3", bytes)
+            }
+        };
+        let Stream::New { format, bytes, .. } = floats("VEC3", vertices.iter().map(position)) else {
+            return Stream::Keep(a);
+        };
+        Stream::New { like: Some(a), format, bytes }
     }
 }
 
+/// New data of floats.
+fn floats<const N: usize>(shape: &str, values: impl ExactSizeIterator<Item = [f32; N]>) -> Stream {
+    let mut bytes = Vec::with_capacity(4 * N * values.len());
+    values.for_each(|v| v.iter().for_each(|c| bytes.extend_from_slice(&c.to_le_bytes())));
+    Stream::new(None, Component::F32, shape, bytes)
+}
+
 /// The triangles as a cache likes them, and the vertices by first use; as they came if that is no better.
-fn for_cache(firsts: &[usize], faces: Vec<[u32; 3]>) -> (Vec<usize>, Vec<[u32; 3]>) {
-    const NEW: u32 = u32::MAX;
-    let mesh = TriMesh { positions: vec![Vec3::ZERO; firsts.len()], faces };
+fn for_cache(vertices: Vec<Vertex>, faces: Vec<[u32; 3]>) -> (Vec<Vertex>, Vec<[u32; 3]>) {
+    let mesh = TriMesh { positions: vec![Vec3::ZERO; vertices.len()], faces };
     let sequence = face_sequence(&mesh, &Topology::new(&mesh));
-    let (mut index, mut used) = (vec![NEW; firsts.len()], Vec::with_capacity(firsts.len()));
+    let (mut index, mut used) = (vec![NONE; vertices.len()], Vec::with_capacity(vertices.len()));
     let mut renumber = |v: u32| {
-        if index[v as usize] == NEW {
+        if index[v as usize] == NONE {
             index[v as usize] = used.len() as u32;
-            used.push(firsts[v as usize]);
+            used.push(vertices[v as usize]);
         }
         index[v as usize]
     };
     let faces: Vec<[u32; 3]> = sequence.iter().map(|&f| mesh.faces[f as usize].map(&mut renumber)).collect();
     // Where nearly every vertex is split there is little to gain, and the order that came may be the better one.
-    let misses = |faces: &[[u32; 3]]| acmr(faces, firsts.len(), CACHE);
-    if misses(&faces) < misses(&mesh.faces) { (used, faces) } else { (firsts.to_vec(), mesh.faces) }
+    let misses = |faces: &[[u32; 3]]| acmr(faces, vertices.len(), CACHE);
+    if misses(&faces) < misses(&mesh.faces) { (used, faces) } else { (vertices, mesh.faces) }
 }
 
 /// For each vertex of a part the lowest one whose attributes are all the same.
@@ -457,23 +464,27 @@ fn equal_vertices(doc: &Document, part: &Part) -> Vec<u32> {
         });
         elements.into_iter().find(|o| o.is_ne())
     };
-    let mut order: Vec<u32> = (0..n as u32).collect();
-    order.sort_unstable_by(|&a, &b| compare(a, b).unwrap_or(a.cmp(&b)));
+    // The first bytes tell most apart.
+    let first = |v: u32| {
+        let mut key = [0; 8];
+        if let Some((size, c)) = columns.first() {
+            let len = (*size).min(8);
+            key[..len].copy_from_slice(&c[v as usize * size..v as usize * size + len]);
+        }
+        u64::from_be_bytes(key)
+    };
+    let mut order: Vec<(u64, u32)> = (0..n as u32).map(|v| (first(v), v)).collect();
+    order.sort_unstable_by(|a, b| a.0.cmp(&b.0).then_with(|| compare(a.1, b.1).unwrap_or(a.1.cmp(&b.1))));
     let mut out = vec![0; n];
-    for same in order.chunk_by(|&a, &b| compare(a, b).is_none()) {
-        same.iter().for_each(|&v| out[v as usize] = same[0]);
+    for same in order.chunk_by(|a, b| a.0 == b.0 && compare(a.1, b.1).is_none()) {
+        same.iter().for_each(|&(_, v)| out[v as usize] = same[0].1);
     }
     out
 }
 
-/// Weights as integers whose sum is exactly one: in 8 bits where these are exact, else in 16.
-fn quantise(corner: &[usize], sets: &UvSets) -> (Vec<[u32; 4]>, Component) {
+/// How weights are stored: in 8 bits where these are exact, else in 16.
+fn weight_type(faces: &[u32], sets: &UvSets) -> Component {
     let exact = |w: f32| (w * 255.0 - (w * 255.0).round()).abs() < 1e-3;
-    let eight = corner.iter().all(|&c| sets.weights[c].iter().all(|&w| exact(w)));
-    let component = if eight { Component::U8 } else { Component::U16 };
-    let one = |&c: &usize| {
-        let shares = share_out(&sets.weights[c].map(f64::from), component.unit() as u32);
-        [shares[0], shares[1], shares[2], shares[3]]
-    };
-    (corner.iter().map(one).collect(), component)
+    let corners = faces.iter().flat_map(|&f| &sets.weights[3 * f as usize..3 * f as usize + 3]);
+    if corners.flatten().all(|&w| exact(w)) { Component::U8 } else { Component::U16 }
 }
