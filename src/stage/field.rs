@@ -32,13 +32,13 @@ impl Step for LayField {
     }
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
-        let prepared: Prepared = super::read(inputs, 0)?;
-        let mesh = &prepared.mesh.mesh;
+        let ground = Prepared::ground(&inputs[0])?;
+        let mesh = &ground.mesh;
         let topology = Topology::new(mesh);
         let normals = mesh.vertex_normals();
         let (anchors, singular) = (&self.orientation, &self.singularities);
         let up = field::orientation(mesh, &topology, &normals, anchors, singular, &self.align, self.symmetry)?;
-        let scale = field::scale(mesh, &topology, prepared.scale, &self.scale)?;
+        let scale = field::scale(mesh, &topology, ground.scale, &self.scale)?;
         let found = field::singularities(mesh, &topology, &normals, &up, self.symmetry);
         let singularities = field::singular_points(mesh, &found);
         let closed = census(mesh, &topology);
@@ -71,13 +71,13 @@ impl Step for LayAreas {
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
         let LayField { recipe: _, symmetry, orientation, singularities, align, scale } = &self.0;
-        let prepared: Prepared = super::read(inputs, 0)?;
+        let ground = Prepared::ground(&inputs[0])?;
         let before: Laid = super::read(inputs, 1)?;
-        let mesh = &prepared.mesh.mesh;
+        let mesh = &ground.mesh;
         let (topo, normals) = (Topology::new(mesh), mesh.vertex_normals());
-        let (ground, up) = ((mesh, &topo, &normals[..]), &before.field.up);
-        let up = field::orientation_in_areas(ground, up, orientation, singularities, align, *symmetry)?;
-        let scale = field::scale(mesh, &topo, prepared.scale, scale)?;
+        let (on, up) = ((mesh, &topo, &normals[..]), &before.field.up);
+        let up = field::orientation_in_areas(on, up, orientation, singularities, align, *symmetry)?;
+        let scale = field::scale(mesh, &topo, ground.scale, scale)?;
         let found = field::singularities(mesh, &topo, &normals, &up, *symmetry);
         let singularities = field::singular_points(mesh, &found);
         Ok(Laid { field: Field { up, scale }, singularities, ..before }.to_bytes())

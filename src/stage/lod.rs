@@ -13,7 +13,7 @@ pub(super) struct TakeFromFinest {
 }
 
 impl Step for TakeFromFinest {
-    super::step_identity!("level of detail", 1);
+    super::step_identity!("level of detail", 2);
 
     fn describe(&self, _: &mut dyn Visitor) {}
 

@@ -145,7 +145,7 @@ pub(super) struct PlaceInTile {
 }
 
 impl Step for PlaceInTile {
-    super::step_identity!("place in tile", 2);
+    super::step_identity!("place in tile", 3);
 
     fn describe(&self, v: &mut dyn Visitor) {
         v.param("material", &self.material);

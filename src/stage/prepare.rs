@@ -1,8 +1,9 @@
 //! Step: weld and subdivide the surface into the synthesis mesh.
 
 use crate::build::{Inputs, Step, StepError, Visitor};
-use crate::io::artefact::{Artefact, Damaged, Reader, Writer};
+use crate::io::artefact::{Artefact, Damaged, Reader, Writer, read_mesh};
 use crate::mesh::{PrepareParams, Surface, SynthesisMesh, TriMesh, prepare};
+use crate::numerics::vec::Vec3;
 
 use super::material_space::Source;
 
@@ -36,6 +37,29 @@ pub(super) struct Prepared {
     pub scale: f64,
     pub exemplar_size: [u32; 2],
     pub mesh: SynthesisMesh,
+}
+
+/// The mesh alone, without where its faces come from.
+pub(super) struct Ground {
+    pub scale: f64,
+    pub exemplar_size: [u32; 2],
+    pub mesh: TriMesh,
+}
+
+impl Prepared {
+    /// What most steps want of it.
+    pub fn ground(bytes: &[u8]) -> Result<Ground, Damaged> {
+        let mut from = Self::open(bytes)?;
+        Ok(Ground { scale: from.get()?, exemplar_size: from.get()?, mesh: read_mesh(&mut from)? })
+    }
+
+    /// Its scale, and how many vertices and faces it has.
+    pub fn counts(bytes: &[u8]) -> Result<(f64, [usize; 2]), Damaged> {
+        let mut from = Self::open(bytes)?;
+        let scale = from.get()?;
+        from.get::<[u32; 2]>()?;
+        Ok((scale, [from.pass::<Vec3>()?, from.pass::<[u32; 3]>()?]))
+    }
 }
 
 impl Artefact for Prepared {

@@ -6,7 +6,7 @@ use crate::bake::Atlas;
 use crate::build::{Inputs, Step, StepError, Visitor};
 use crate::exemplar::{JumpMap, TextonMap};
 use crate::field::{Laid, Singularity};
-use crate::io::artefact::Artefact;
+use crate::io::artefact::{Artefact, surface_counts};
 use crate::mesh::Surface;
 use crate::param::{Kind, Parametrization, Singularity as Place};
 use crate::synth::image::source_map::ImageCounters;
@@ -35,23 +35,23 @@ impl Step for Report {
     }
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
-        let surface: Surface = super::read(inputs, 0)?;
-        let prepared: Prepared = super::read(inputs, 1)?;
-        let synthesised: Synthesised = super::read(inputs, 2)?;
-        let (sample, how) = described(&synthesised.counters, &inputs[3])?;
+        let [vertices, triangles, primitives] = surface_counts(&inputs[0])?;
+        let (scale, prepared) = Prepared::counts(&inputs[1])?;
+        let (counters, sets) = Synthesised::counts(&inputs[2])?;
+        let (sample, how) = described(&counters, &inputs[3])?;
         let mut report = json!({
             "recipe": self.recipe,
             "mesh": {
-                "triangles": surface.mesh.faces.len(),
-                "vertices": surface.mesh.positions.len(),
-                "primitives": surface.parts.len(),
+                "triangles": triangles,
+                "vertices": vertices,
+                "primitives": primitives,
             },
             "exemplar": sample,
             "synthesis": {
-                "texels_per_unit": prepared.scale,
-                "triangles": prepared.mesh.mesh.faces.len(),
-                "vertices": prepared.mesh.mesh.positions.len(),
-                "sets": synthesised.sets.sets.len(),
+                "texels_per_unit": scale,
+                "triangles": prepared[1],
+                "vertices": prepared[0],
+                "sets": sets,
             },
         });
         if let Some((key, counts)) = how {
@@ -66,10 +66,10 @@ impl Step for Report {
                 "singularities": laid.singularities.iter().map(singularity).collect::<Vec<_>>(),
             });
             next += 1;
-            if let Counters::Periodic { .. } = synthesised.counters {
+            if let Counters::Periodic { .. } = counters {
                 last -= 1;
                 let coordinates: Parametrization = super::read(inputs, last)?;
-                let found = places(&prepared, &laid, &coordinates);
+                let found = places(&super::read(inputs, 1)?, &laid, &coordinates);
                 // Places that are only stretched are many, and small.
                 let (listed, stretched): (Vec<_>, Vec<_>) = found.iter().partition(|s| s.kind != Kind::Distortion);
                 report["synthesis"]["singularities"] = listed.into_iter().map(place).collect();
@@ -77,7 +77,7 @@ impl Step for Report {
             }
         }
         if last > next {
-            let atlas: Atlas = super::read(inputs, next)?;
+            let (surface, atlas): (Surface, Atlas) = (super::read(inputs, 0)?, super::read(inputs, next)?);
             let bundle: Bundle = super::read(inputs, next + 1)?;
             report["atlas"] = json!({
                 "width": atlas.width,

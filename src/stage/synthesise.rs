@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::build::{Inputs, Step, StepError, Visitor};
 use crate::exemplar::{AnalysisParams, JumpMap};
 use crate::field::{self, Field, Symmetry};
-use crate::io::artefact::{Artefact, Damaged, Reader, Writer};
+use crate::io::artefact::{Artefact, Damaged, Reader, Writer, set_count};
 use crate::mesh::Topology;
 use crate::synth::mesh::corner::{Base, corner_sets};
 use crate::synth::mesh::layers::layered_sets;
@@ -19,7 +19,7 @@ use crate::synth::seam_metric::SeamMetrics;
 use crate::texture::{MapKind, MapSet};
 use crate::uvset::{Blend, UvSets};
 
-use super::prepare::Prepared;
+use super::prepare::{Ground, Prepared};
 
 /// Order in which the vertices are synthesised.
 #[derive(Clone, Copy, Debug)]
@@ -67,6 +67,30 @@ pub(super) enum Counters {
     Taken,
 }
 
+impl Counters {
+    fn read(from: &mut Reader<'_>) -> Result<Self, Damaged> {
+        Ok(match from.get::<u8>()? {
+            0 => {
+                let [seeds, continuations, jumps, random_fallbacks, dropped_invalid] = from.get()?;
+                Counters::Walk(WalkCounters { seeds, continuations, jumps, random_fallbacks, dropped_invalid })
+            }
+            4 => {
+                let [pieces, seeds, continued, closings, bad_closings, reopened, recut, relaxed, faces, blended] =
+                    from.get()?;
+                let quilt =
+                    QuiltCounters { pieces, seeds, continued, closings, bad_closings, reopened, recut, relaxed };
+                Counters::Quilt { quilt, faces, blended, edge_error: from.get()? }
+            }
+            3 => Counters::Taken,
+            2 => {
+                let [distorted, winding, three_look_ups, unsaid] = from.get()?;
+                Counters::Periodic { distorted, winding, three_look_ups, unsaid }
+            }
+            kind => return Err(Damaged(format!("counters of kind {kind}"))),
+        })
+    }
+}
+
 /// What a walk counted, by name.
 pub(super) fn named(counters: &WalkCounters) -> [(&'static str, u64); 5] {
     let WalkCounters { seeds, continuations, jumps, random_fallbacks, dropped_invalid } = *counters;
@@ -87,8 +111,23 @@ pub(super) struct Synthesised {
     pub metric: Vec<[f32; 2]>,
 }
 
+impl Synthesised {
+    /// The counters alone.
+    pub fn counters(artefact: &[u8]) -> Result<Counters, Damaged> {
+        Counters::read(&mut Self::open(artefact)?)
+    }
+
+    /// The counters and how many sets there are.
+    pub fn counts(artefact: &[u8]) -> Result<(Counters, usize), Damaged> {
+        let mut from = Self::open(artefact)?;
+        let counters = Counters::read(&mut from)?;
+        from.pass::<[f32; 2]>()?;
+        Ok((counters, set_count(&mut from)?))
+    }
+}
+
 impl Artefact for Synthesised {
-    const TAG: [u8; 4] = *b"syn2";
+    const TAG: [u8; 4] = *b"syn3";
 
     fn write(&self, to: &mut Writer) {
         match self.counters {
@@ -114,25 +153,7 @@ impl Artefact for Synthesised {
     }
 
     fn read(from: &mut Reader<'_>) -> Result<Self, Damaged> {
-        let counters = match from.get::<u8>()? {
-            0 => {
-                let [seeds, continuations, jumps, random_fallbacks, dropped_invalid] = from.get()?;
-                Counters::Walk(WalkCounters { seeds, continuations, jumps, random_fallbacks, dropped_invalid })
-            }
-            4 => {
-                let [pieces, seeds, continued, closings, bad_closings, reopened, recut, relaxed, faces, blended] =
-                    from.get()?;
-                let quilt =
-                    QuiltCounters { pieces, seeds, continued, closings, bad_closings, reopened, recut, relaxed };
-                Counters::Quilt { quilt, faces, blended, edge_error: from.get()? }
-            }
-            3 => Counters::Taken,
-            2 => {
-                let [distorted, winding, three_look_ups, unsaid] = from.get()?;
-                Counters::Periodic { distorted, winding, three_look_ups, unsaid }
-            }
-            kind => return Err(Damaged(format!("counters of kind {kind}"))),
-        };
+        let counters = Counters::read(from)?;
         let metric: Vec<[f32; 2]> = from.slice()?;
         let sets = UvSets::read(from)?;
         match metric.is_empty() || metric.len() == sets.weights.len() {
@@ -143,7 +164,7 @@ impl Artefact for Synthesised {
 }
 
 impl Step for Synthesise {
-    super::step_identity!("synthesise", 5, travels);
+    super::step_identity!("synthesise", 6, travels);
 
     fn describe(&self, v: &mut dyn Visitor) {
         let VertexWalkParams { patch, seed, border_band } = self.walk;
@@ -159,10 +180,9 @@ impl Step for Synthesise {
     }
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
-        let Prepared { exemplar_size, mesh, .. } = super::read(inputs, 0)?;
+        let Ground { exemplar_size, mesh, .. } = Prepared::ground(&inputs[0])?;
         let field: Field = super::read::<field::Laid>(inputs, 1)?.field;
         let map = JumpMap::from_bytes(&inputs[2])?;
-        let mesh = mesh.mesh;
         let topology = Topology::new(&mesh);
         let offsets = field::edge_offsets(&mesh, &topology, &mesh.vertex_normals(), &field, self.symmetry);
         let spacing = match self.refine {
@@ -202,7 +222,7 @@ impl Step for Synthesise {
     }
 
     fn counters(&self, artefact: &[u8]) -> Vec<(&'static str, u64)> {
-        match Synthesised::from_bytes(artefact).map(|s| s.counters) {
+        match Synthesised::counters(artefact) {
             Ok(Counters::Walk(c)) => named(&c).to_vec(),
             _ => vec![],
         }

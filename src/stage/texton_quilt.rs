@@ -165,7 +165,7 @@ pub(super) struct BlendSets {
 }
 
 impl Step for BlendSets {
-    super::step_identity!("blend sets", 3);
+    super::step_identity!("blend sets", 4);
 
     fn describe(&self, v: &mut dyn Visitor) {
         self.params.describe(v);

@@ -9,6 +9,8 @@ mod types;
 
 use bytemuck::Pod;
 
+pub(crate) use types::{read_mesh, set_count, surface_counts};
+
 /// Bytes that are not the artefact they should be.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Damaged(pub String);
@@ -46,12 +48,18 @@ pub trait Artefact: Sized {
         w.0
     }
 
-    /// The value of a whole artefact.
-    fn from_bytes(bytes: &[u8]) -> Result<Self, Damaged> {
+    /// Reads an artefact of this type from its first field on.
+    fn open(bytes: &[u8]) -> Result<Reader<'_>, Damaged> {
         let mut r = Reader(bytes);
         if r.take(4)? != MAGIC || r.take(4)? != Self::TAG {
             return Err(Damaged(format!("not one of type {}", String::from_utf8_lossy(&Self::TAG))));
         }
+        Ok(r)
+    }
+
+    /// The value of a whole artefact.
+    fn from_bytes(bytes: &[u8]) -> Result<Self, Damaged> {
+        let mut r = Self::open(bytes)?;
         let value = Self::read(&mut r)?;
         if r.0.is_empty() { Ok(value) } else { Err(Damaged(format!("{} bytes too many", r.0.len()))) }
     }
@@ -69,7 +77,17 @@ impl Writer {
     /// An array: its length, then its items.
     pub fn slice<T: Pod>(&mut self, items: &[T]) {
         self.put(items.len() as u64);
+        self.part(items);
+    }
+
+    /// Items of an array whose length was put before.
+    fn part<T: Pod>(&mut self, items: &[T]) {
         self.0.extend_from_slice(bytemuck::cast_slice(items));
+    }
+
+    /// Makes room for so many more bytes, where it is known.
+    pub fn reserve(&mut self, bytes: usize) {
+        self.0.reserve_exact(bytes);
     }
 
     /// A text.
@@ -97,11 +115,19 @@ impl<'a> Reader<'a> {
     /// An array.
     pub fn slice<T: Pod>(&mut self) -> Result<Vec<T>, Damaged> {
         let n = self.get::<u64>()?;
-        let bytes = usize::try_from(n)
-            .ok()
-            .and_then(|n| n.checked_mul(size_of::<T>()))
-            .ok_or_else(|| Damaged(format!("an array of {n} items")))?;
-        Ok(bytemuck::pod_collect_to_vec(self.take(bytes)?))
+        Ok(bytemuck::pod_collect_to_vec(self.array_bytes::<T>(n)?))
+    }
+
+    fn array_bytes<T>(&mut self, n: u64) -> Result<&'a [u8], Damaged> {
+        let bytes = usize::try_from(n).ok().and_then(|n| n.checked_mul(size_of::<T>()));
+        self.take(bytes.ok_or_else(|| Damaged(format!("an array of {n} items")))?)
+    }
+
+    /// How many items the array has that comes next; passes over it.
+    pub fn pass<T: Pod>(&mut self) -> Result<usize, Damaged> {
+        let n = self.get::<u64>()?;
+        let bytes = self.array_bytes::<T>(n)?;
+        Ok(bytes.len() / size_of::<T>())
     }
 
     /// A text.

@@ -5,7 +5,8 @@ use crate::bake::Atlas;
 use crate::field::{Field, Laid, Singularity, Symmetry};
 use crate::io::{Pixels, Samples};
 use crate::mesh::{Part, Surface, SynthesisMesh, TriMesh};
-use crate::texture::{Flipbook, MapKind, MapSet, Texture};
+use crate::numerics::vec::Vec3;
+use crate::texture::{Flipbook, MapKind, MapSet, Texel, Texture, Uv};
 use crate::uvset::{Blend, UvSets};
 
 fn write_texture(t: &Texture, w: &mut Writer) {
@@ -69,7 +70,7 @@ fn write_mesh(m: &TriMesh, w: &mut Writer) {
     w.slice(&m.faces);
 }
 
-fn read_mesh(r: &mut Reader<'_>) -> Result<TriMesh, Damaged> {
+pub(crate) fn read_mesh(r: &mut Reader<'_>) -> Result<TriMesh, Damaged> {
     let mesh = TriMesh { positions: r.slice()?, faces: r.slice()? };
     let n = mesh.positions.len() as u64;
     check(mesh.faces.iter().flatten().all(|&v| u64::from(v) < n), "an index beyond the vertices")?;
@@ -194,8 +195,74 @@ impl Artefact for Atlas {
     }
 }
 
+/// How many vertices, faces and parts the surface has that these bytes are.
+pub(crate) fn surface_counts(bytes: &[u8]) -> Result<[usize; 3], Damaged> {
+    let mut r = Surface::open(bytes)?;
+    let (vertices, faces) = (r.pass::<Vec3>()?, r.pass::<[u32; 3]>()?);
+    r.pass::<Vec3>()?;
+    r.get::<u8>()?;
+    for _ in 0..r.get::<u32>()? {
+        r.pass::<Uv>()?;
+    }
+    Ok([vertices, faces, r.get::<u32>()? as usize])
+}
+
+/// How a face of [`UvSets`] is stored. Most faces lie in one patch: their sets repeat the first, and all weight is its.
+#[derive(Clone, Copy)]
+struct Kind {
+    /// Sets from this on repeat the first and weigh nothing, 1..=4.
+    distinct: usize,
+    /// The first set has all weight at all corners, and weights are left out.
+    plain: bool,
+}
+
+impl Kind {
+    fn of(sets: &UvSets, face: usize) -> Self {
+        let corners = 3 * face..3 * face + 3;
+        let set = |s: usize| sets.sets.get(s).map(|s| bytemuck::cast_slice::<_, u32>(&s[corners.clone()]));
+        let weights = &sets.weights[corners.clone()];
+        let repeats =
+            |s: usize| set(s).is_none_or(|c| Some(c) == set(0)) && weights.iter().all(|w| w[s].to_bits() == 0);
+        let distinct = 1 + (1..4).rposition(|s| !repeats(s)).map_or(0, |s| s + 1);
+        Kind { distinct, plain: distinct == 1 && weights.iter().all(|w| w[0] == 1.0) }
+    }
+
+    fn code(self) -> u8 {
+        self.distinct as u8 | if self.plain { 8 } else { 0 }
+    }
+
+    fn from_code(code: u8) -> Option<Self> {
+        let kind = Kind { distinct: usize::from(code & 7), plain: code & 8 != 0 };
+        ((1..=4).contains(&kind.distinct) && kind.code() == code && (kind.distinct == 1 || !kind.plain)).then_some(kind)
+    }
+
+    /// Weights stored per corner.
+    fn weights(self) -> usize {
+        if self.plain { 0 } else { self.distinct }
+    }
+}
+
+/// Size of the exemplar, blend, sharpness, number of sets.
+fn read_sets_head(r: &mut Reader<'_>) -> Result<([u32; 2], Blend, u32, usize), Damaged> {
+    let exemplar_size = r.get()?;
+    let blend = match r.get::<u8>()? {
+        0 => Blend::Linear,
+        1 => Blend::Variance,
+        2 => Blend::Nearest,
+        b => return Err(Damaged(format!("blend {b}"))),
+    };
+    let [sharpness, n] = r.get::<[u32; 2]>()?;
+    check((1..=4).contains(&n) && sharpness > 0, "one to four sets")?;
+    Ok((exemplar_size, blend, sharpness, n as usize))
+}
+
+/// How many sets the [`UvSets`] have that come next.
+pub(crate) fn set_count(r: &mut Reader<'_>) -> Result<usize, Damaged> {
+    Ok(read_sets_head(r)?.3)
+}
+
 impl Artefact for UvSets {
-    const TAG: [u8; 4] = *b"uvs2";
+    const TAG: [u8; 4] = *b"uvs3";
 
     fn write(&self, w: &mut Writer) {
         w.put(self.exemplar_size);
@@ -204,28 +271,50 @@ impl Artefact for UvSets {
             Blend::Variance => 1,
             Blend::Nearest => 2,
         });
-        w.put(self.sharpness);
-        w.put(self.sets.len() as u32);
-        for set in &self.sets {
-            w.slice(set);
+        let n = self.sets.len();
+        w.put([self.sharpness, n as u32]);
+        debug_assert_eq!(self.weights.len() % 3, 0, "three corners per face");
+        let kinds: Vec<Kind> = (0..self.face_count()).map(|f| Kind::of(self, f)).collect();
+        let places: usize = kinds.iter().map(|k| 3 * k.distinct.min(n)).sum();
+        let weights: usize = kinds.iter().map(|k| 3 * k.weights()).sum();
+        w.reserve(kinds.len() + 8 * places + 4 * weights + 4 * self.material.len() + 32);
+        w.slice(&kinds.iter().map(|k| k.code()).collect::<Vec<_>>());
+        w.put(places as u64);
+        for (f, kind) in kinds.iter().enumerate() {
+            self.sets.iter().take(kind.distinct).for_each(|s| w.part(&s[3 * f..3 * f + 3]));
         }
-        w.slice(&self.weights);
+        w.put(weights as u64);
+        for (f, kind) in kinds.iter().enumerate() {
+            self.weights[3 * f..3 * f + 3].iter().for_each(|c| w.part(&c[..kind.weights()]));
+        }
         w.slice(&self.material);
     }
 
     fn read(r: &mut Reader<'_>) -> Result<Self, Damaged> {
-        let exemplar_size = r.get()?;
-        let blend = match r.get::<u8>()? {
-            0 => Blend::Linear,
-            1 => Blend::Variance,
-            2 => Blend::Nearest,
-            b => return Err(Damaged(format!("blend {b}"))),
-        };
-        let [sharpness, n] = r.get::<[u32; 2]>()?;
-        check((1..=4).contains(&n) && sharpness > 0, "one to four sets")?;
-        let sets = (0..n).map(|_| r.slice()).collect::<Result<Vec<Vec<_>>, _>>()?;
-        let weights: Vec<[f32; 4]> = r.slice()?;
-        check(sets.iter().all(|s| s.len() == weights.len()), "one coordinate per corner")?;
+        let (exemplar_size, blend, sharpness, n) = read_sets_head(r)?;
+        let codes: Vec<u8> = r.slice()?;
+        let (mut places, mut rest) = (&r.slice::<Texel>()?[..], &r.slice::<f32>()?[..]);
+        let mut sets = vec![Vec::with_capacity(3 * codes.len()); n];
+        let mut weights = Vec::with_capacity(3 * codes.len());
+        for code in codes {
+            let kind = Kind::from_code(code).ok_or_else(|| Damaged(format!("a face of kind {code}")))?;
+            let first = places;
+            for (s, set) in sets.iter_mut().enumerate() {
+                let from = if s < kind.distinct { &mut places } else { &mut &first[..] };
+                let (own, left) = from.split_first_chunk::<3>().ok_or(Damaged("a face without coordinates".into()))?;
+                set.extend_from_slice(own);
+                *from = left;
+            }
+            for _ in 0..3 {
+                let (own, left) =
+                    rest.split_at_checked(kind.weights()).ok_or(Damaged("a corner without weights".into()))?;
+                let mut all = if kind.plain { [1.0, 0.0, 0.0, 0.0] } else { [0.0; 4] };
+                all[..own.len()].copy_from_slice(own);
+                weights.push(all);
+                rest = left;
+            }
+        }
+        check(places.is_empty() && rest.is_empty(), "coordinates without a face")?;
         let material: Vec<f32> = r.slice()?;
         check(material.is_empty() || material.len() == weights.len(), "one material per corner")?;
         Ok(UvSets { exemplar_size, sets, weights, blend, sharpness, material })
