@@ -67,6 +67,16 @@ struct Shown {
     sample: Option<Sample>,
 }
 
+/// What the patch of a pair's one end shows at the other, once somebody asked.
+type Across = Option<Option<Sample>>;
+
+/// What the first end's patch shows at the second, and the second's at the first: as it is, and of the candidate.
+#[derive(Clone, Copy, Default)]
+struct Seen {
+    own: [Across; 2],
+    candidate: [Across; 2],
+}
+
 /// Memory that is used again from window to window.
 #[derive(Default)]
 pub(super) struct Scratch {
@@ -76,6 +86,8 @@ pub(super) struct Scratch {
     /// Sorted nodes of the ring and their numbers.
     ring: Vec<u32>,
     pairs: Vec<Pair>,
+    /// Of each pair.
+    seen: Vec<Seen>,
     /// Where the layout puts each node.
     layout: Vec<Vec2>,
     own: Vec<Shown>,
@@ -166,6 +178,8 @@ fn lay_out(scene: &Scene, open: &[u32], number_of: impl Fn(u32) -> Option<usize>
     s.free.resize(s.nodes.len(), false);
     s.looked.clear();
     s.looked.resize(s.nodes.len(), false);
+    s.seen.clear();
+    s.seen.resize(s.pairs.len(), Seen::default());
     s.costs.clear();
     s.costs.resize(s.pairs.len(), 0);
     s.after.clear();
@@ -179,8 +193,9 @@ fn shown(scene: &Scene, at: Texel) -> Shown {
 
 /// Notes what each pair costs as it is.
 fn recount(scene: &Scene, s: &mut Scratch) {
-    for (p, now) in s.pairs.iter().zip(&mut s.costs) {
-        *now = cost(scene, p, &s.own[p.i], &s.own[p.j]);
+    for ((p, now), seen) in s.pairs.iter().zip(&mut s.costs).zip(&mut s.seen) {
+        let [from_first, from_second] = &mut seen.own;
+        *now = cost(scene, p, (&s.own[p.i], from_first), (&s.own[p.j], from_second));
     }
 }
 
@@ -190,14 +205,14 @@ fn gap(p: &Pair, a: Texel, b: Texel) -> f32 {
     (c.x - b.x).abs().max((c.y - b.y).abs())
 }
 
-/// Cost of a pair whose ends show `a` and `b`.
-fn cost(scene: &Scene, p: &Pair, a: &Shown, b: &Shown) -> i32 {
+/// Cost of a pair whose ends show `a` and `b`, each with what it shows at the other end.
+fn cost(scene: &Scene, p: &Pair, (a, from_a): (&Shown, &mut Across), (b, from_b): (&Shown, &mut Across)) -> i32 {
     let gap = gap(p, a.at, b.at);
     if gap < SAME {
         return 0;
     }
-    let from_b = scene.metric.sample(shifted(b.at, -p.d));
-    let from_a = scene.metric.sample(shifted(a.at, p.d));
+    let from_b = *from_b.get_or_insert_with(|| scene.metric.sample(shifted(b.at, -p.d)));
+    let from_a = *from_a.get_or_insert_with(|| scene.metric.sample(shifted(a.at, p.d)));
     jump(gap) + visible(scene, [a.sample, from_b], [from_a, b.sample])
 }
 
@@ -303,30 +318,35 @@ fn look(scene: &Scene, i: usize, candidate: &mut [Shown], looked: &mut [bool]) -
 
 /// Sets the capacities of a move.
 fn load(scene: &Scene, s: &mut Scratch) {
-    let Scratch { cut, nodes, pairs, own, candidate, looked, free, costs, .. } = s;
+    let Scratch { cut, nodes, pairs, seen, own, candidate, looked, free, costs, .. } = s;
     cut.reset(nodes.len());
     for i in (0..nodes.len()).filter(|i| free[*i]) {
         cut.add_terminal(i, 2 * (scene.usage.cost_at(candidate[i].at) - scene.usage.cost_at(own[i].at)));
     }
-    for (p, &stay) in pairs.iter().zip(&*costs) {
+    for ((p, &stay), Seen { own: from_own, candidate: from_new }) in pairs.iter().zip(&*costs).zip(&mut *seen) {
         let (i, j) = (p.i, p.j);
+        *from_new = [None; 2];
         if !free[i] && !free[j] {
             continue;
         }
         // Inside one patch both moves compare the same places.
         let within = (stay == 0 && p.flat).then(|| gap(p, own[i].at, candidate[j].at));
-        let seen = within.filter(|gap| *gap >= SAME).map_or(0, |gap| {
+        let inside = within.filter(|gap| *gap >= SAME).map_or(0, |gap| {
             let [first, second] = [i, j].map(|k| [own[k].sample, look(scene, k, candidate, looked)]);
             jump(gap) + visible(scene, first, second)
         });
-        let mixed = |a: &Shown, b: &Shown| cost(scene, p, a, b);
+        let ([own_first, own_second], [new_first, new_second]) = (from_own, from_new);
         let (second, first) = if within.is_some() {
-            (seen, seen)
+            (inside, inside)
         } else {
-            let second = if free[j] { mixed(&own[i], &candidate[j]) } else { 0 };
-            (second, if free[i] { mixed(&candidate[i], &own[j]) } else { 0 })
+            let mixed = |a, b| cost(scene, p, a, b);
+            let second = if free[j] { mixed((&own[i], own_first), (&candidate[j], new_second)) } else { 0 };
+            (second, if free[i] { mixed((&candidate[i], new_first), (&own[j], own_second)) } else { 0 })
         };
-        let both = if p.flat || !(free[i] && free[j]) { 0 } else { mixed(&candidate[i], &candidate[j]) };
+        let both = match p.flat || !(free[i] && free[j]) {
+            true => 0,
+            false => cost(scene, p, (&candidate[i], new_first), (&candidate[j], new_second)),
+        };
         match (free[i], free[j]) {
             (true, true) => {
                 cut.add_terminal(i, first - stay + both - second);
@@ -346,17 +366,23 @@ fn take(scene: &Scene, open: usize, s: &mut Scratch) -> bool {
     for i in (0..open).filter(|i| s.free[*i]) {
         change += i64::from(scene.usage.cost_at(s.candidate[i].at) - scene.usage.cost_at(s.own[i].at));
     }
-    let Scratch { pairs, own, candidate, free, costs, after, .. } = s;
-    let shown = |i: usize| if free[i] { &candidate[i] } else { &own[i] };
-    for ((p, now), after) in pairs.iter().zip(&*costs).zip(&mut *after) {
-        let moves = free[p.i] || free[p.j];
-        *after = if moves { cost(scene, p, shown(p.i), shown(p.j)) } else { *now };
+    let Scratch { pairs, seen, own, candidate, free, costs, after, .. } = s;
+    for (((p, now), after), seen) in pairs.iter().zip(&*costs).zip(&mut *after).zip(&mut *seen) {
+        let ([own_first, own_second], [new_first, new_second]) = (&mut seen.own, &mut seen.candidate);
+        let first = if free[p.i] { (&candidate[p.i], new_first) } else { (&own[p.i], own_first) };
+        let second = if free[p.j] { (&candidate[p.j], new_second) } else { (&own[p.j], own_second) };
+        *after = if free[p.i] || free[p.j] { cost(scene, p, first, second) } else { *now };
         change += i64::from(*after - *now);
     }
     if change >= 0 {
         return false;
     }
     std::mem::swap(costs, after);
+    for (p, Seen { own, candidate }) in pairs.iter().zip(seen) {
+        for end in [0, 1].into_iter().filter(|end| free[[p.i, p.j][*end]]) {
+            own[end] = candidate[end];
+        }
+    }
     for i in (0..open).filter(|i| free[*i]) {
         own[i] = candidate[i];
     }
