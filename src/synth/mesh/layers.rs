@@ -37,7 +37,8 @@ pub fn layered_sets(
         let mut layers = Layers::new(CONTINUES);
         let one = |face: &[u32; 3]| {
             layers.clear();
-            let mut reaching = face.map(|v| sites.reaching(v));
+            let mut reaching = face.map(|v| sites.reaching(v).0);
+            let mut known = face.map(|v| sites.reaching(v).1);
             loop {
                 // Each corner's sites are in order: the lowest of the three next.
                 let next = reaching.map(|r| r.first().map_or(u32::MAX, |r| r.site));
@@ -45,18 +46,16 @@ pub fn layered_sets(
                 if site == u32::MAX {
                     break;
                 }
-                let there = [0, 1, 2].map(|k| (next[k] == site).then(|| reaching[k][0]));
-                for k in 0..3 {
-                    reaching[k] = &reaching[k][usize::from(there[k].is_some())..];
-                }
-                // Where it is only known, it need not be.
-                if there.iter().flatten().all(|r| r.weight <= 0.0) {
-                    continue;
-                }
                 let a = address[site as usize];
                 let mut patch = Patch::new(site);
-                for (k, r) in there.iter().enumerate().filter_map(|(k, r)| Some((k, r.as_ref()?))) {
-                    patch.place(k, texel(a.x + r.offset[0], a.y + r.offset[1]), r.weight);
+                for k in 0..3 {
+                    let from = if next[k] == site { &mut reaching[k] } else { &mut known[k] };
+                    let before = from.iter().take_while(|r| r.site < site).count();
+                    *from = &from[before..];
+                    if let Some((r, rest)) = from.split_first().filter(|(r, _)| r.site == site) {
+                        patch.place(k, texel(a.x + r.offset[0], a.y + r.offset[1]), r.weight);
+                        *from = rest;
+                    }
                 }
                 layers.push(patch);
             }

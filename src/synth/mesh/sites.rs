@@ -34,7 +34,8 @@ pub struct Sites {
     pub offsets: Vec<Vec2>,
     /// Least and greatest corner of what is laid out from each site, offsets from its address.
     pub boxes: Vec<[Vec2; 2]>,
-    starts: Vec<u32>,
+    /// Where the reaches of each vertex start, and where those without weight.
+    starts: Vec<[u32; 2]>,
     reaches: Vec<Reach>,
 }
 
@@ -168,6 +169,14 @@ struct Nearest {
     distance: f64,
 }
 
+/// The nearest sites of all vertices, their distances, and how far sites are apart.
+#[derive(Clone, Copy)]
+struct Near<'a> {
+    nearest: &'a [Nearest],
+    distances: &'a [f64],
+    spacing: f64,
+}
+
 /// What some sites come to, one after the other.
 #[derive(Default)]
 struct Laid {
@@ -202,10 +211,16 @@ impl Sites {
         if vertices.len() == topology.vertex_count() {
             return None;
         }
+        // By themselves: they are asked for all the time, the rest of `nearest` is not.
+        let distances: Vec<f64> = nearest.iter().map(|n| n.distance).collect();
+        let near = Near { nearest: &nearest, distances: &distances, spacing };
         // Few large chunks: each has an array of all vertices.
         let laid = par::map_chunks(vertices.len(), vertices.len().div_ceil(16).max(64), |some| {
             let (mut spread, mut laid, mut paths) = (Spread::new(net), Laid::default(), vec![]);
-            some.for_each(|s| lay(&mut spread, s as u32, vertices[s], &nearest, spacing, &mut laid, &mut paths));
+            // Two rings, where all vertices are sites.
+            laid.reaches.reserve(20 * some.len());
+            laid.beside.reserve(6 * some.len());
+            some.for_each(|s| lay(&mut spread, s as u32, vertices[s], near, &mut laid, &mut paths));
             laid
         });
         Some(assemble(vertices, &laid, &nearest))
@@ -218,7 +233,7 @@ impl Sites {
         for v in order {
             // The nearest has weight one.
             if let Some(r) =
-                self.reaching(*v).iter().max_by(|a, b| a.weight.total_cmp(&b.weight).then(b.site.cmp(&a.site)))
+                self.reaching(*v).0.iter().max_by(|a, b| a.weight.total_cmp(&b.weight).then(b.site.cmp(&a.site)))
                 && !std::mem::replace(&mut taken[r.site as usize], true)
             {
                 sites.push(r.site);
@@ -227,9 +242,10 @@ impl Sites {
         sites
     }
 
-    /// The sites that reach a vertex, ascending.
-    pub(super) fn reaching(&self, v: u32) -> &[Reach] {
-        &self.reaches[self.starts[v as usize] as usize..self.starts[v as usize + 1] as usize]
+    /// The sites that weigh something at a vertex, and those whose place there is only known; both ascending.
+    pub(super) fn reaching(&self, v: u32) -> (&[Reach], &[Reach]) {
+        let ([first, known], [end, _]) = (self.starts[v as usize], self.starts[v as usize + 1]);
+        (&self.reaches[first as usize..known as usize], &self.reaches[known as usize..end as usize])
     }
 }
 
@@ -261,14 +277,12 @@ fn lay(
     spread: &mut Spread,
     site: u32,
     vertex: u32,
-    nearest: &[Nearest],
-    spacing: f64,
+    Near { nearest, distances, spacing }: Near,
     laid: &mut Laid,
     paths: &mut Vec<Path>,
 ) {
-    let own = |v: u32| &nearest[v as usize];
     // Nobody is further than `spacing` from a site, so weights end before twice that.
-    spread.from(vertex, 2.0 * spacing, |v, distance| 1.0 - (distance - own(v).distance).max(0.0) / spacing);
+    spread.from(vertex, 2.0 * spacing, |v, distance| 1.0 - (distance - distances[v as usize]).max(0.0) / spacing);
     let topology = spread.net.topology;
     let mut extent = [Vec2::ZERO; 2];
     paths.clear();
@@ -276,7 +290,7 @@ fn lay(
     for &Label { vertex: v, at, weight, .. } in &spread.seen {
         laid.reaches.push((v, Reach::new(site, at, weight)));
         extent = extended(extent, at);
-        if own(v).site == site {
+        if nearest[v as usize].site == site {
             paths.extend(topology.half_edges(v).filter_map(|h| path(spread.net, site, v, h, nearest)));
         }
     }
@@ -322,36 +336,28 @@ fn assemble(vertices: Vec<u32>, laid: &[Laid], nearest: &[Nearest]) -> Sites {
     let offsets = flat().map(|b| b.1).collect();
     let mut boxes: Vec<[Vec2; 2]> = laid.iter().flat_map(|l| &l.extents).copied().collect();
     // Every vertex has a site, even where offsets make no sense as a surface: its nearest, instead of what that says.
-    let mut reached = vec![false; nearest.len()];
-    laid.iter().flat_map(|l| &l.reaches).for_each(|(v, r)| reached[*v as usize] |= r.weight > 0.0);
-    let lost: Vec<usize> = (0..nearest.len()).filter(|v| !reached[*v]).collect();
-    let counts = |v: usize, r: &Reach| reached[v] || nearest[v].site != r.site;
-    let mut starts = vec![0u32; nearest.len() + 1];
-    for (v, r) in laid.iter().flat_map(|l| &l.reaches) {
-        starts[*v as usize + 1] += u32::from(counts(*v as usize, r));
+    let all = || laid.iter().flat_map(|l| &l.reaches).map(|(v, r)| (*v as usize, r));
+    let mut counts = vec![[0u32; 2]; nearest.len()];
+    all().for_each(|(v, r)| counts[v][usize::from(r.weight <= 0.0)] += 1);
+    let lost: Vec<usize> = (0..nearest.len()).filter(|v| counts[*v][0] == 0).collect();
+    let mut own = vec![];
+    for v in lost {
+        let Nearest { site, at, .. } = nearest[v];
+        own.push((v, Reach::new(site, at, 1.0)));
+        boxes[site as usize] = extended(boxes[site as usize], at);
+        counts[v] = [1, counts[v][1]];
     }
-    lost.iter().for_each(|v| starts[v + 1] += 1);
-    for v in 0..nearest.len() {
-        starts[v + 1] += starts[v];
+    let mut starts = vec![[0u32; 2]; nearest.len() + 1];
+    for (v, [some, known]) in counts.iter().enumerate() {
+        starts[v][1] = starts[v][0] + some;
+        starts[v + 1][0] = starts[v][1] + known;
     }
     let mut fill = starts.clone();
-    let mut reaches = vec![Reach::new(NONE, Vec2::ZERO, 0.0); starts[nearest.len()] as usize];
-    let mut put = |v: usize, reach: Reach| {
-        reaches[fill[v] as usize] = reach;
-        fill[v] += 1;
-    };
-    for (v, r) in laid.iter().flat_map(|l| &l.reaches) {
-        if counts(*v as usize, r) {
-            put(*v as usize, *r);
-        }
-    }
-    for v in &lost {
-        let Nearest { site, at, .. } = nearest[*v];
-        put(*v, Reach::new(site, at, 1.0));
-        boxes[site as usize] = extended(boxes[site as usize], at);
-    }
-    for v in lost {
-        reaches[starts[v] as usize..starts[v + 1] as usize].sort_unstable_by_key(|r| r.site);
+    let mut reaches = vec![Reach::new(NONE, Vec2::ZERO, 0.0); starts[nearest.len()][0] as usize];
+    for (v, r) in all().chain(own.iter().map(|(v, r)| (*v, r))) {
+        let at = &mut fill[v][usize::from(r.weight <= 0.0)];
+        reaches[*at as usize] = *r;
+        *at += 1;
     }
     Sites { vertices, topology, offsets, boxes, starts, reaches }
 }
@@ -393,11 +399,14 @@ mod tests {
             }
         }
         for v in 0..t.vertex_count() as u32 {
-            let reaching = sites.reaching(v);
+            let reaching = [sites.reaching(v).0, sites.reaching(v).1].concat();
+            assert!(
+                sites.reaching(v).0.is_sorted_by_key(|r| r.site) && sites.reaching(v).1.is_sorted_by_key(|r| r.site)
+            );
             let distances = sites.vertices.iter().map(|s| between(*s, v).length());
             let nearest = distances.fold(f64::INFINITY, f64::min);
             assert!(nearest < spacing);
-            for r in reaching {
+            for r in &reaching {
                 let d = between(sites.vertices[r.site as usize], v);
                 assert!((d.x as f32 - r.offset[0]).abs() + (d.y as f32 - r.offset[1]).abs() < 1e-4);
                 let weight = (1.0 - (d.length() - nearest) / spacing).max(0.0);
@@ -405,12 +414,13 @@ mod tests {
                 let [low, high] = sites.boxes[r.site as usize];
                 assert!(low.x <= d.x + 1e-9 && d.x <= high.x + 1e-9 && low.y <= d.y + 1e-9 && d.y <= high.y + 1e-9);
             }
-            assert!(reaching.iter().any(|r| r.weight == 1.0) && reaching.is_sorted_by_key(|r| r.site));
+            assert!(reaching.iter().any(|r| r.weight == 1.0));
         }
         // All is there for the corners of faces that a site reaches into.
         for face in &mesh.faces {
-            for r in face.iter().flat_map(|v| sites.reaching(*v)).filter(|r| r.weight > 0.0) {
-                assert!(face.iter().all(|v| sites.reaching(*v).iter().any(|o| o.site == r.site)));
+            for r in face.iter().flat_map(|v| sites.reaching(*v).0) {
+                let knows = |(some, known): (&[Reach], &[Reach])| some.iter().chain(known).any(|o| o.site == r.site);
+                assert!(face.iter().all(|v| knows(sites.reaching(*v))));
             }
         }
     }
@@ -434,8 +444,10 @@ mod tests {
                 let offsets = random_offsets(&t, reach, 3);
                 let Some(sites) = Sites::new(&t, &offsets, 2.0, false) else { continue };
                 for v in 0..t.vertex_count() as u32 {
-                    assert!(sites.reaching(v).iter().any(|r| r.weight > 0.0), "{name}");
-                    assert!(sites.reaching(v).is_sorted_by_key(|r| r.site), "{name}");
+                    let (some, known) = sites.reaching(v);
+                    assert!(!some.is_empty() && some.iter().all(|r| r.weight > 0.0), "{name}");
+                    assert!(known.iter().all(|r| r.weight <= 0.0), "{name}");
+                    assert!(some.is_sorted_by_key(|r| r.site) && known.is_sorted_by_key(|r| r.site), "{name}");
                 }
                 let order = sites.in_order_of(&(0..t.vertex_count() as u32).collect::<Vec<_>>());
                 assert_eq!(order.len(), sites.vertices.len(), "{name}");
@@ -465,7 +477,8 @@ mod tests {
             }
         }
         for v in 0..t.vertex_count() as u32 {
-            for (a, b) in plain.reaching(v).iter().zip(sites.reaching(v)) {
+            let all = |s: &Sites| [s.reaching(v).0, s.reaching(v).1].concat();
+            for (a, b) in all(&plain).iter().zip(&all(&sites)) {
                 let q = u8::from(is_turned(sites.vertices[b.site as usize]));
                 let back = quarters(vec2(b.offset[0].into(), b.offset[1].into()), 4 - q);
                 assert!((a.site, a.weight) == (b.site, b.weight));
