@@ -50,6 +50,13 @@ impl JumpMap {
         out
     }
 
+    /// Width, height and number of jumps of what [`JumpMap::to_bytes`] wrote, from its head alone.
+    pub fn counts(bytes: &[u8]) -> Result<[u32; 3], Error> {
+        let header = bytes.first_chunk::<HEADER>().filter(|h| h.starts_with(JUMP_MAP_MAGIC));
+        let header = header.ok_or(Error::Damaged("no KJM2 mark"))?;
+        Ok([12, 16, 20].map(|i| u32::from_le_bytes([header[i], header[i + 1], header[i + 2], header[i + 3]])))
+    }
+
     /// Reads what [`JumpMap::to_bytes`] wrote. Anything else, or a damaged map, is [`Error::Damaged`].
     pub fn from_bytes(bytes: &[u8]) -> Result<JumpMap, Error> {
         let damaged = |holds: bool, what| if holds { Ok(()) } else { Err(Error::Damaged(what)) };
@@ -335,6 +342,8 @@ mod tests {
     #[test]
     fn survives_the_round_trip() {
         let map = small();
+        assert_eq!(JumpMap::counts(&map.to_bytes()), Ok([3, 2, 3]));
+        assert!(JumpMap::counts(b"KJM2").is_err());
         assert_eq!(JumpMap::from_bytes(&map.to_bytes()), Ok(map));
         let empty = JumpMap::from_rows(2, 2, &vec![vec![]; 4]);
         assert_eq!(JumpMap::from_bytes(&empty.to_bytes()), Ok(empty));

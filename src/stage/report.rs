@@ -100,7 +100,7 @@ fn described(counters: &Counters, analysis: &[u8]) -> Result<(Value, Option<Coun
     Ok(match counters {
         Counters::Walk(c) => {
             let walk = named(c).map(|(name, n)| (name.to_string(), json!(n)));
-            (exemplar(&JumpMap::from_bytes(analysis)?), Some(("walk", Value::Object(walk.into_iter().collect()))))
+            (exemplar(analysis)?, Some(("walk", Value::Object(walk.into_iter().collect()))))
         }
         Counters::Quilt { quilt: c, faces, blended, edge_error } => {
             let map = TextonMap::from_bytes(analysis)?;
@@ -123,7 +123,7 @@ fn described(counters: &Counters, analysis: &[u8]) -> Result<(Value, Option<Coun
             });
             (sample, Some(("quilt", quilt)))
         }
-        Counters::Taken => (exemplar(&JumpMap::from_bytes(analysis)?), None),
+        Counters::Taken => (exemplar(analysis)?, None),
         Counters::Periodic { distorted, winding, three_look_ups, unsaid } => {
             let mut periodic = json!({ "distorted": distorted, "winding": winding, "three_look_ups": three_look_ups });
             if *unsaid > 0 {
@@ -164,7 +164,7 @@ impl Step for CanvasReport {
             },
         });
         if inputs.len() > 1 {
-            report["exemplar"] = exemplar(&JumpMap::from_bytes(&inputs[1])?);
+            report["exemplar"] = exemplar(&inputs[1])?;
         }
         text(&report)
     }
@@ -178,11 +178,10 @@ fn place(s: &Place) -> Value {
     json!({ "kind": s.kind.name(), "at": s.at.to_f32(), "periods": s.periods, "faces": s.faces })
 }
 
-fn exemplar(map: &JumpMap) -> Value {
-    let texels = (0..map.height()).flat_map(|y| (0..map.width()).map(move |x| (x, y)));
-    let jumps: usize = texels.map(|(x, y)| map.row(x, y).len()).sum();
-    let texels = f64::from(map.width()) * f64::from(map.height());
-    json!({ "width": map.width(), "height": map.height(), "jumps_per_texel": jumps as f64 / texels })
+fn exemplar(jump_map: &[u8]) -> Result<Value, StepError> {
+    let [width, height, jumps] = JumpMap::counts(jump_map)?;
+    let texels = f64::from(width) * f64::from(height);
+    Ok(json!({ "width": width, "height": height, "jumps_per_texel": f64::from(jumps) / texels }))
 }
 
 pub(super) fn text(report: &Value) -> Result<Vec<u8>, StepError> {
