@@ -2,6 +2,8 @@
 //!
 //! Source: glTF 2.0, 4.4 (binary glTF). Unaware of: what the JSON says.
 
+use std::borrow::Cow;
+
 use serde_json::Value;
 
 use crate::io::SceneError;
@@ -74,26 +76,55 @@ pub(super) fn json(text: &[u8]) -> Result<Value, SceneError> {
     }
 }
 
+/// Binary data in pieces, so that they are copied once only; zeros between them.
+#[derive(Default)]
+pub(super) struct Bin<'a> {
+    pieces: Vec<(usize, Cow<'a, [u8]>)>,
+    len: usize,
+}
+
+impl<'a> Bin<'a> {
+    /// Bytes so far.
+    pub(super) fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Zeros up to the next multiple of eight and `more`.
+    pub(super) fn align(&mut self, more: usize) {
+        self.len = self.len.next_multiple_of(8) + more;
+    }
+
+    /// Adds bytes.
+    pub(super) fn push(&mut self, bytes: impl Into<Cow<'a, [u8]>>) {
+        let bytes = bytes.into();
+        let at = self.len;
+        self.len += bytes.len();
+        self.pieces.push((at, bytes));
+    }
+}
+
 /// Joins JSON and binary data into a .glb.
-pub(super) fn join(root: &Value, bin: &[u8]) -> Result<Vec<u8>, SceneError> {
+pub(super) fn join(root: &Value, bin: Bin) -> Result<Vec<u8>, SceneError> {
     let json = serde_json::to_vec(root).map_err(|e| SceneError::Mismatch(format!("JSON: {e}")))?;
-    let total =
-        20 + json.len().next_multiple_of(4) + if bin.is_empty() { 0 } else { 8 + bin.len().next_multiple_of(4) };
+    let padded = |len: usize| len.next_multiple_of(4);
+    let chunk = |len: usize| if len > 0 { 8 + padded(len) } else { 0 };
+    let total = 12 + chunk(json.len()) + chunk(bin.len);
     let Ok(length) = u32::try_from(total) else {
         return Err(SceneError::TooLarge(format!("the .glb would have {total} bytes; at most {} fit", u32::MAX)));
     };
     let mut out = Vec::with_capacity(total);
     out.extend_from_slice(b"glTF");
-    out.extend_from_slice(&2u32.to_le_bytes());
-    out.extend_from_slice(&length.to_le_bytes());
-    for (kind, data, padding) in [(JSON, &json[..], b' '), (BIN, bin, 0)] {
-        if kind == JSON || !data.is_empty() {
-            let padded = data.len().next_multiple_of(4);
-            out.extend_from_slice(&(padded as u32).to_le_bytes());
-            out.extend_from_slice(&kind.to_le_bytes());
-            out.extend_from_slice(data);
-            out.resize(out.len() + padded - data.len(), padding);
+    [2, length, padded(json.len()) as u32, JSON].iter().for_each(|w| out.extend_from_slice(&w.to_le_bytes()));
+    out.extend_from_slice(&json);
+    out.resize(out.len().next_multiple_of(4), b' ');
+    if bin.len > 0 {
+        [padded(bin.len) as u32, BIN].iter().for_each(|w| out.extend_from_slice(&w.to_le_bytes()));
+        let start = out.len();
+        for (at, bytes) in bin.pieces {
+            out.resize(start + at, 0);
+            out.extend_from_slice(&bytes);
         }
+        out.resize(total, 0);
     }
     Ok(out)
 }
@@ -104,11 +135,16 @@ mod tests {
 
     #[test]
     fn what_is_joined_splits_again() {
-        let glb = join(&serde_json::json!({"asset": {"version": "2.0"}}), &[1, 2, 3, 4, 5]).unwrap();
+        let mut bin = Bin::default();
+        bin.push(vec![1, 2]);
+        bin.align(1);
+        bin.push(&[3, 4, 5][..]);
+        assert_eq!(bin.len(), 12);
+        let glb = join(&serde_json::json!({"asset": {"version": "2.0"}}), bin).unwrap();
         assert_eq!(glb.len() % 4, 0);
         let (text, bin) = split(&glb).unwrap();
         assert_eq!(json(text).unwrap()["asset"]["version"], "2.0");
-        assert_eq!(bin.unwrap(), [1, 2, 3, 4, 5, 0, 0, 0]);
+        assert_eq!(bin.unwrap(), [1, 2, 0, 0, 0, 0, 0, 0, 0, 3, 4, 5]);
         for n in 0..glb.len() {
             assert!(split(&glb[..n]).is_err());
         }

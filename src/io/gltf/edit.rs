@@ -11,10 +11,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde_json::{Value, json};
 
 use super::accessor::{self, Component, Format};
+use super::container::{self, Bin};
 use super::document::Document;
 use super::refs::{self, Kind, Step, index, list};
+use super::uri;
 use super::validate::Semantic;
-use super::{container, uri};
 use crate::io::SceneError;
 
 /// What is used again once it is free. An order in which users come before what they use.
@@ -171,12 +172,12 @@ impl<'a> Editor<'a> {
         }
         self.undeclare();
         match self.root["buffers"].as_array_mut() {
-            Some(buffers) if !bin.is_empty() && !buffers.is_empty() => {
+            Some(buffers) if bin.len() > 0 && !buffers.is_empty() => {
                 buffers.truncate(1);
                 buffers[0]["byteLength"] = bin.len().into();
                 buffers[0].as_object_mut().map(|b| b.remove("uri"));
             }
-            _ if !bin.is_empty() => self.root["buffers"] = json!([{"byteLength": bin.len()}]),
+            _ if bin.len() > 0 => self.root["buffers"] = json!([{"byteLength": bin.len()}]),
             _ => drop(self.root.as_object_mut().map(|r| r.remove("buffers"))),
         }
         if let Some(root) = self.root.as_object_mut() {
@@ -187,7 +188,7 @@ impl<'a> Editor<'a> {
                 }
             }
         }
-        container::join(&self.root, &bin)
+        container::join(&self.root, bin)
     }
 
     /// Images in files of their own become views. The same file is embedded once.
@@ -296,13 +297,12 @@ impl<'a> Editor<'a> {
     }
 
     /// Gives every view its place and collects the bytes: first those of the document in their order, then new ones.
-    fn lay_out(&mut self) -> Vec<u8> {
+    fn lay_out(&mut self) -> Bin<'a> {
         let live = list(&self.root, "bufferViews").iter().enumerate().filter(|(_, v)| !v.is_null()).map(|(i, _)| i);
         let (new, old): (Vec<usize>, Vec<usize>) = live.partition(|i| self.written.contains_key(i));
         let mut old: Vec<_> = old.into_iter().map(|i| (self.doc.views[i].buffer, self.doc.views[i].start, i)).collect();
         old.sort_unstable();
-        let size = old.iter().map(|o| self.doc.views[o.2].len + 16).sum::<usize>();
-        let mut bin = Vec::with_capacity(size + self.written.values().map(|w| w.len() + 8).sum::<usize>());
+        let (doc, mut bin) = (self.doc, Bin::default());
         // What was copied last: its buffer, how far it goes there, and how far its places were moved.
         let mut run: Option<(usize, usize, isize)> = None;
         for (buffer, start, i) in old {
@@ -310,20 +310,20 @@ impl<'a> Editor<'a> {
             let (copied, shift) = match run {
                 Some((b, copied, shift)) if b == buffer && start <= copied.next_multiple_of(8) => (copied, shift),
                 _ => {
-                    bin.resize(bin.len().next_multiple_of(8) + start % 8, 0);
+                    bin.align(start % 8);
                     (start, bin.len() as isize - start as isize)
                 }
             };
             if end > copied {
-                bin.extend_from_slice(&self.doc.buffers[buffer][copied..end]);
+                bin.push(&doc.buffers[buffer][copied..end]);
             }
             run = Some((buffer, copied.max(end), shift));
             self.place(i, (start as isize + shift) as usize);
         }
         for i in new {
-            bin.resize(bin.len().next_multiple_of(8), 0);
+            bin.align(0);
             self.place(i, bin.len());
-            bin.extend_from_slice(&self.written.remove(&i).unwrap_or_default());
+            bin.push(self.written.remove(&i).unwrap_or_default());
         }
         bin
     }

@@ -25,6 +25,10 @@ pub(super) struct Mix {
 impl Mix {
     /// From the corners of a triangle. Corners without weight do not count.
     pub(super) fn new(corners: [u32; 3], bary: [f32; 3]) -> Self {
+        // The vertices themselves are most of them, on fine meshes all.
+        if let Some(k) = (0..3).find(|k| bary[*k] > 0.0 && bary[(k + 1) % 3] <= 0.0 && bary[(k + 2) % 3] <= 0.0) {
+            return Mix { vertices: [corners[k], 0, 0], weights: [1.0, 0.0, 0.0], len: 1 };
+        }
         let mut pairs = [0, 1, 2].map(|i| (corners[i], bary[i]));
         pairs.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
         let mut mix = Mix { vertices: [0; 3], weights: [0.0; 3], len: 0 };
@@ -183,7 +187,7 @@ fn influences(data: &[(Packed, Packed)], mix: &Mix) -> Vec<(u32, f64)> {
         merged.iter_mut().for_each(|m| m.1 /= total);
     } else {
         let mut shares = vec![0; merged.len()];
-        share_out(&merged.iter().map(|m| m.1).collect::<Vec<_>>(), component.unit() as u32, &mut shares);
+        share_out(&mut merged.iter().map(|m| m.1).collect::<Vec<_>>(), component.unit() as u32, &mut shares);
         merged.iter_mut().zip(shares).for_each(|(m, s)| m.1 = f64::from(s));
     }
     merged
@@ -193,30 +197,31 @@ fn influences(data: &[(Packed, Packed)], mix: &Mix) -> Vec<(u32, f64)> {
 /// remainders, the first of equals. All to the first if no weight is positive.
 pub(super) fn shares<const N: usize>(weights: [f64; N], total: u32) -> [u32; N] {
     let mut out = [0; N];
-    share_out(&weights, total, &mut out);
+    let mut weights = weights;
+    share_out(&mut weights, total, &mut out);
     out
 }
 
-/// [`shares`] of any number of weights, into as many integers.
-fn share_out(weights: &[f64], total: u32, out: &mut [u32]) {
+/// [`shares`] of any number of weights, into as many integers; weights become remainders.
+fn share_out(weights: &mut [f64], total: u32, out: &mut [u32]) {
     let sum: f64 = weights.iter().map(|w| w.max(0.0)).sum();
     if sum <= 0.0 || weights.first() == Some(&sum) {
         out.fill(0);
         out.iter_mut().take(1).for_each(|first| *first = total);
         return;
     }
-    let exact = |i: usize| weights[i].max(0.0) / sum * f64::from(total);
-    for (i, share) in out.iter_mut().enumerate() {
-        *share = exact(i).floor() as u32;
+    let mut missing = total;
+    for (weight, share) in weights.iter_mut().zip(&mut *out) {
+        let exact = weight.max(0.0) / sum * f64::from(total);
+        *share = exact.floor() as u32;
+        *weight = exact - exact.floor();
+        missing -= missing.min(*share);
     }
     // Rounding leaves fewer than one each.
-    let mut last = None;
-    for _ in 0..total - out.iter().sum::<u32>().min(total) {
-        let remainders = (0..weights.len()).map(|i| (exact(i) - exact(i).floor(), i));
-        let after = |a: (f64, usize), b: (f64, usize)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)).is_gt();
-        let next = remainders.filter(|r| last.is_none_or(|l| after(*r, l)));
-        last = next.reduce(|a, b| if after(a, b) { b } else { a });
-        out[last.map_or(0, |(_, i)| i)] += 1;
+    for _ in 0..missing {
+        let greatest = (0..weights.len()).fold(0, |a, b| if weights[b] > weights[a] { b } else { a });
+        out[greatest] += 1;
+        weights[greatest] -= 1.0;
     }
 }
 

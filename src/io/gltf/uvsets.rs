@@ -295,9 +295,9 @@ impl<'a> Job<'a> {
     /// vertices, all [`NONE`], and is so again afterwards.
     fn vertices(&self, last: &mut [u32]) -> (Vec<Vertex>, Vec<[u32; 3]>) {
         let same = equal_vertices(self.doc, self.part);
-        let mut distinct: Vec<Vertex> = Vec::with_capacity(self.faces.len());
+        let mut distinct: Vec<Vertex> = Vec::with_capacity(3 * self.faces.len() / 2);
         // Of each, the one before it at the same vertex of the synthesis mesh.
-        let mut before: Vec<u32> = Vec::with_capacity(self.faces.len());
+        let mut before: Vec<u32> = Vec::with_capacity(3 * self.faces.len() / 2);
         let mut index = |corner: usize| {
             let new = self.vertex(&same, corner);
             let newest = &mut last[new.vertex as usize];

@@ -221,7 +221,9 @@ fn made(mut root: Value, accessors: &[(u32, &str, bool, Vec<u8>)]) -> Document {
     root["accessors"] = list.into();
     root["bufferViews"] = views.into();
     root["buffers"] = serde_json::json!([{"byteLength": bin.len()}]);
-    again(&container::join(&root, &bin).unwrap())
+    let mut whole = container::Bin::default();
+    whole.push(bin);
+    again(&container::join(&root, whole).unwrap())
 }
 
 fn f32s(values: &[f32]) -> Vec<u8> {
