@@ -403,4 +403,38 @@ mod tests {
         long[21..29].copy_from_slice(&u64::MAX.to_le_bytes()); // the length of the first set
         assert!(UvSets::from_bytes(&long).is_err(), "an absurd length must not be allocated");
     }
+
+    /// Faces of every kind: one patch, sets that differ, weight on a set that repeats the first, a sign that counts.
+    #[test]
+    fn faces_of_all_kinds_survive() {
+        let at = |x: f32| vec![texel(x, 1.0), texel(x, 2.0), texel(x + 1.0, 1.0)];
+        let (one, two) = ([1.0, 0.0, 0.0, 0.0], [0.25, 0.75, 0.0, 0.0]);
+        let whole = UvSets {
+            exemplar_size: [8, 9],
+            sets: vec![
+                [at(1.0), at(2.0), at(3.0), at(4.0), at(0.0)].concat(),
+                [at(1.0), at(5.0), at(3.0), at(4.0), at(-0.0)].concat(),
+                [at(1.0), at(2.0), at(6.0), at(4.0), at(0.0)].concat(),
+            ],
+            weights: [[one; 3], [two; 3], [one; 3], [one, two, one], [one; 3]].concat(),
+            blend: Blend::Linear,
+            sharpness: 1,
+            material: vec![],
+        };
+        let bytes = whole.to_bytes();
+        let back = UvSets::from_bytes(&bytes).unwrap();
+        assert_eq!(back, whole);
+        assert!(back.sets[1][12].x.is_sign_negative());
+        // 3 x (1 + 2 + 3 + 2 + 2) places and 3 x (0 + 2 + 3 + 2 + 2) weights.
+        assert_eq!(bytes.len(), 8 + 8 + 1 + 8 + (8 + 5) + (8 + 8 * 30) + (8 + 4 * 27) + 8);
+        for at in 0..bytes.len() {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 0x10;
+            // Whatever it is now, it has as many weights as coordinates.
+            if let Ok(sets) = UvSets::from_bytes(&damaged) {
+                assert!(sets.sets.iter().all(|s| s.len() == sets.weights.len()));
+            }
+            assert!(UvSets::from_bytes(&bytes[..at]).is_err());
+        }
+    }
 }
