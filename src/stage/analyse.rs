@@ -15,7 +15,7 @@ pub(super) struct Analyse {
 }
 
 impl Step for Analyse {
-    super::step_identity!("analyse", 3, travels);
+    super::step_identity!("analyse", 4, travels);
 
     fn describe(&self, v: &mut dyn Visitor) {
         describe(&self.params, v);

@@ -73,7 +73,7 @@ impl Artefact for SourceStrips {
 }
 
 impl Step for WalkImage {
-    super::step_identity!("walk image", 6, travels);
+    super::step_identity!("walk image", 7, travels);
 
     fn describe(&self, v: &mut dyn Visitor) {
         v.param("size", &self.size);

@@ -139,7 +139,7 @@ pub(super) struct AnalyseFlipbook {
 }
 
 impl Step for AnalyseFlipbook {
-    super::step_identity!("analyse flipbook", 2, travels);
+    super::step_identity!("analyse flipbook", 3, travels);
 
     fn describe(&self, v: &mut dyn Visitor) {
         super::analyse::describe(&self.params, v);
@@ -194,7 +194,7 @@ pub(super) struct WalkFlipbook {
 }
 
 impl Step for WalkFlipbook {
-    super::step_identity!("walk flipbook", 2, travels);
+    super::step_identity!("walk flipbook", 3, travels);
 
     fn describe(&self, v: &mut dyn Visitor) {
         let VolumeWalkParams { size, order, patch, seed, tileable, looped } = &self.params;

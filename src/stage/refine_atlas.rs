@@ -71,7 +71,7 @@ const PAGE_BYTES: u64 = 16;
 const NODE_BYTES: u64 = 500;
 
 impl Step for RefineAtlas {
-    super::step_identity!("refine atlas", 1);
+    super::step_identity!("refine atlas", 2);
 
     fn describe(&self, v: &mut dyn Visitor) {
         v.param("passes", &self.passes);

@@ -47,7 +47,7 @@ impl Artefact for TextonMap {
 }
 
 impl Step for AnalyseTextons {
-    super::step_identity!("analyse textons", 2, travels);
+    super::step_identity!("analyse textons", 3, travels);
 
     fn describe(&self, v: &mut dyn Visitor) {
         let TextonParams { window, count, features, rotations, importance, wrap } = &self.params;

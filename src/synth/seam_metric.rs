@@ -249,9 +249,15 @@ fn looks(values: &[[f32; COMPONENTS]]) -> Vec<u8> {
 
 /// Divides texels by where a value lies among its quantiles.
 fn shared_out(texels: &[u32], parts: usize, value: impl Fn(u32) -> f32) -> Vec<Vec<u32>> {
-    let mut sorted: Vec<f32> = texels.iter().map(|t| value(*t)).collect();
-    sorted.sort_unstable_by(f32::total_cmp);
-    let bounds: Vec<f32> = (1..parts).filter_map(|i| sorted.get(i * sorted.len() / parts).copied()).collect();
+    let mut values: Vec<f32> = texels.iter().map(|t| value(*t)).collect();
+    let count = values.len();
+    let (mut rest, mut passed, mut bounds) = (&mut values[..], 0, vec![]);
+    for at in (1..parts).map(|i| i * count / parts).filter(|at| *at < count) {
+        rest.select_nth_unstable_by(at - passed, f32::total_cmp);
+        rest = &mut rest[at - passed..];
+        passed = at;
+        bounds.push(rest[0]);
+    }
     let mut out = vec![vec![]; parts];
     for &t in texels {
         out[bounds.partition_point(|b| *b <= value(t))].push(t);

@@ -18,8 +18,11 @@ const VECTORS: usize = CLUSTER / 4;
 const GROUP: usize = 16;
 /// Groups whose clusters are ranked hold this many times the clusters that are probed.
 const RANKED: usize = 4;
-/// Probing ends when this many clusters in a row brought nothing nearer to any point of the cluster.
-const PATIENCE: usize = 8;
+/// Probing ends when this many clusters in a row brought nothing nearer to any point of the cluster; one more for each
+/// doubling of the points from [`FEW`] on, or the share of neighbours that are found falls.
+const PATIENCE: usize = 5;
+/// As many points as [`PATIENCE`] is for.
+const FEW: usize = 1 << 14;
 
 /// How far to search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -108,8 +111,12 @@ fn probe_order(clusters: &[Cluster], groups: &[Vec<i16>], cluster: usize, effort
     let Effort::Probes(probes) = effort else { return (0..clusters.len() as u32).collect() };
     let mean = &clusters[cluster].mean;
     let nearest = |mut ranked: Vec<(u32, u32)>, count: usize| -> Vec<u32> {
+        if count < ranked.len() {
+            ranked.select_nth_unstable(count);
+            ranked.truncate(count);
+        }
         ranked.sort_unstable();
-        ranked.iter().take(count).map(|r| r.1).collect()
+        ranked.iter().map(|r| r.1).collect()
     };
     let ranked = groups.iter().enumerate().map(|(i, g)| (squared_distance(mean, g), i as u32)).collect();
     let groups = nearest(ranked, (RANKED * probes).div_ceil(GROUP));
@@ -130,6 +137,7 @@ fn probe(
     let own = &clusters[cluster];
     let mut lists = vec![key::NONE; own.ids.len() * k];
     let queries: Vec<Vec<i16x8>> = own.ids.iter().map(|&id| spread(points.point(id))).collect();
+    let patience = PATIENCE + (points.len() / FEW).max(1).ilog2() as usize;
     let mut idle = 0;
     for &other in order {
         let other = &clusters[other as usize];
@@ -138,7 +146,7 @@ fn probe(
             nearer |= compare(own.ids[i], own.norms[i], &queries[i], other, list, allowed);
         }
         idle = if nearer { 0 } else { idle + 1 };
-        if idle == PATIENCE && effort != Effort::Exact {
+        if idle == patience && effort != Effort::Exact {
             break;
         }
     }
