@@ -23,7 +23,7 @@ const LEAST_WEIGHT: f64 = 0.1;
 const STOP: Stop = Stop { tolerance: 1e-4, iterations: 200 };
 
 /// i to a power: a turn by quarters.
-fn quarter_turns(quarters: u8) -> Complex {
+pub(super) fn quarter_turns(quarters: u8) -> Complex {
     match quarters % 4 {
         0 => Complex::ONE,
         1 => complex(0.0, 1.0),
