@@ -31,8 +31,8 @@ const ROUNDS: usize = 3;
 /// How many periods of disorder a round evens out. On rocker-arm, cheburashka and the bunny with 20 periods to the
 /// diagonal 0.5 leaves 1 % more triangles distorted than 1, and 2 as many.
 const REACH: f64 = 1.0;
-const START: Stop = Stop { tolerance: 1e-6, iterations: 100 };
-const ROUND: Stop = Stop { tolerance: 1e-4, iterations: 100 };
+const START: Stop = Stop { tolerance: 1e-4, iterations: 100 };
+const ROUND: Stop = Stop { tolerance: 1e-3, iterations: 100 };
 
 /// s and t of a vertex as complex numbers of absolute value 1.
 pub type Phases = [Complex; 2];

@@ -28,7 +28,7 @@ const LEAST: f64 = 0.01;
 /// Triangles that are further from it, likewise, are given up, and weigh so much.
 const GIVEN_UP: f64 = 0.8;
 const LEFT: f64 = 0.1;
-const STOP: Stop = Stop { tolerance: 1e-3, iterations: 100 };
+const STOP: Stop = Stop { tolerance: 1e-2, iterations: 100 };
 
 /// Settles the vertices `open` (ascending), all others locked at `z`; in each component one is locked. `guide` is the
 /// field's, with its curl.
