@@ -20,10 +20,10 @@ use crate::numerics::vec::{Vec2, vec2};
 const REACH: f64 = 0.35;
 /// Edges opposite to right angles weigh nothing, and would take all there is.
 const LEAST_WEIGHT: f64 = 0.1;
-const STOP: Stop = Stop { tolerance: 1e-4, iterations: 200 };
+const STOP: Stop = Stop { tolerance: 1e-3, iterations: 200 };
 
 /// i to a power: a turn by quarters.
-fn quarter_turns(quarters: u8) -> Complex {
+pub(super) fn quarter_turns(quarters: u8) -> Complex {
     match quarters % 4 {
         0 => Complex::ONE,
         1 => complex(0.0, 1.0),

@@ -4,9 +4,9 @@
 //! coordinates that every output starts from ([`Parametrization::sets`]).
 //!
 //! ```text
-//! field --guide, curl--> wanted change along edges --periodic--> angles at vertices --recover--> corners of faces
-//!                                                                                                    |
-//!                                                           1-rings that are not valid <--singular---'
+//! field --guide, curl--> wanted change along edges --periodic, settle--> angles at vertices --recover--> corners of faces
+//!                                                                                                            |
+//!                                                                   1-rings that are not valid <--singular---'
 //! ```
 //!
 //! `effect` does the same within an area, all else locked. Unaware of: what is in the tile, files.
@@ -18,6 +18,7 @@ mod guide;
 mod material;
 mod periodic;
 mod recover;
+mod settle;
 mod singular;
 #[cfg(test)]
 mod tests;
@@ -44,7 +45,7 @@ pub struct Parametrization {
     pub phases: Vec<Phases>,
     /// The same in periods, -0.5..=0.5.
     pub at: Vec<Vec2>,
-    /// Wanted change along each half-edge, in the frame of its vertex; with less curl than the field's.
+    /// Wanted change along each half-edge, in the frame of its vertex.
     pub steps: Vec<Vec2>,
     /// Coordinates of each face's corners, in the frame of the first.
     pub corners: Vec<[Vec2; 3]>,
@@ -69,8 +70,9 @@ pub fn parametrize(
 ) -> Result<Parametrization, Error> {
     let wanted = Wanted { mesh, topo, normals, field, symmetry, tile };
     check(&wanted)?;
-    let mut guide = wanted.guide();
-    curl::lessen(&wanted, &mut guide, &|_| true);
+    let guide = wanted.guide();
+    let mut even = guide.clone();
+    curl::lessen(&wanted, &mut even, &|_| true);
     let mut z = vec![[Complex::ONE; 2]; topo.vertex_count()];
     // One vertex of each component is locked, the lowest.
     let (labels, count) = crate::mesh::check::components(topo);
@@ -78,7 +80,8 @@ pub fn parametrize(
     let open =
         |&v: &u32| !topo.half_edges(v).is_empty() && std::mem::replace(&mut locked[labels[v as usize] as usize], true);
     let open: Vec<u32> = (0..topo.vertex_count() as u32).filter(open).collect();
-    periodic::solve(&guide, topo, &open, symmetry, true, &mut z);
+    periodic::solve(&even, topo, &open, symmetry, true, &mut z);
+    settle::settle(&wanted, &guide, &open, &mut z);
     Ok(finish(&wanted, guide, z))
 }
 

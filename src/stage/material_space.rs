@@ -100,7 +100,7 @@ pub(super) struct Parametrise {
 }
 
 impl Step for Parametrise {
-    super::step_identity!("parametrise", 2, travels);
+    super::step_identity!("parametrise", 3, travels);
 
     fn describe(&self, _: &mut dyn Visitor) {}
 
@@ -120,7 +120,7 @@ pub(super) struct FollowAreas {
 }
 
 impl Step for FollowAreas {
-    super::step_identity!("effect areas", 2);
+    super::step_identity!("effect areas", 3);
 
     fn describe(&self, _: &mut dyn Visitor) {}
 

@@ -98,6 +98,45 @@ fn a_penalty_for_use_keeps_the_histogram() {
     assert!(with < without, "{with} {without}");
 }
 
+/// Both keys of a pair of the shared textures, with their masks; of large ones a part.
+fn pair(name: &str) -> Option<[MapSet; 2]> {
+    use crate::io::image_set::{Slot, load};
+    const MOST: u32 = 128;
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/textures/pairs").join(name);
+    let mut files: Vec<_> = std::fs::read_dir(folder).ok()?.flatten().map(|e| e.path()).collect();
+    files.sort();
+    let keys = files.chunks(2).filter_map(|files| {
+        let [colour, mask] = [0, 1].map(|i| std::fs::read(files.get(i)?).ok());
+        let (colour, mask) = (colour?, mask?);
+        let slots = [(MapKind::BaseColor, "colour", &colour[..]), (MapKind::FeatureMask, "mask", &mask[..])];
+        let maps = load(&slots.map(|(kind, name, bytes)| (Slot::Map(kind), name, bytes)), &Default::default()).ok()?;
+        let part = |map: &Texture| {
+            let (w, h) = (map.width().min(MOST), map.height().min(MOST));
+            Texture::from_fn(w, h, map.channels(), |x, y, out| out.copy_from_slice(map.get(x, y)))
+        };
+        Some(MapSet::new(maps.iter().map(|(kind, map)| (kind, part(map))).collect()))
+    });
+    <[MapSet; 2]>::try_from(keys.collect::<Vec<_>>()).ok()
+}
+
+#[test]
+fn a_penalty_for_use_keeps_the_histograms_of_real_pairs() {
+    for name in ["cracks-to-mortar", "dots-to-holes", "spots-to-stripes", "stones-to-fruit"] {
+        let Some([a, b]) = pair(name) else {
+            println!("../shared/data/textures/pairs/{name} is not there");
+            return;
+        };
+        let keys = [&a, &b].map(|maps| KeyTile { maps, tileable: false });
+        let far = |usage| {
+            let made = make(&keys, &TileParams { usage, ..params(4) }).expect("a tile");
+            made.1.layers.iter().map(|l| l.histogram).sum::<f64>() / 2.0
+        };
+        let (with, without) = (far(1.0), far(0.0));
+        println!("{name}: histogram distance of the layers between with the penalty {with:.4}, without {without:.4}");
+        assert!(with < without, "{name}: {with} {without}");
+    }
+}
+
 #[test]
 fn threads_do_not_matter_and_seeds_do() {
     let (a, b) = (dark(), bright());
