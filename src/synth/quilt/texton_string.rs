@@ -13,8 +13,12 @@ use crate::exemplar::TextonMap;
 use crate::numerics::rng::Key;
 use crate::numerics::vec::{Vec2, vec2};
 
-/// Most samples of a string that vote.
-pub const VOTERS: usize = 64;
+/// Most samples of a string that vote. With 64, for more than twice the time, the published method's edges differ by 1 to
+/// 2 % less (basket, wicker).
+pub const VOTERS: usize = 16;
+
+/// Places that are looked at or passed over together.
+const CHUNK: usize = 64;
 
 /// A point of a finished edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -153,6 +157,8 @@ fn up_to<S>(limit: u64, string: &[S], distance: impl Fn(&S) -> u32) -> u64 {
 #[derive(Default)]
 pub struct Ballot {
     counts: Vec<u8>,
+    /// The most votes of each chunk of places.
+    maxima: Vec<u8>,
     /// Places found, as (votes, rank among equals, place).
     found: Vec<(u8, u32, u32)>,
 }
@@ -191,18 +197,31 @@ impl Ballot {
             }
         }
         self.counts.pop();
-        // What is too little to be among the `most` rises as more is seen.
-        let (mut least, mut above, mut with) = (1, 0, [0; VOTERS + 1]);
+        // So many chunks have a place with `least` votes that no place with fewer is needed.
+        let mut highest = [0; VOTERS + 1];
+        self.maxima.clear();
+        for some in self.counts.chunks(CHUNK) {
+            let max = some.iter().fold(0, |m, n| m.max(*n));
+            highest[usize::from(max)] += 1;
+            self.maxima.push(max);
+        }
+        let (mut least, mut so_many) = (VOTERS as u8, highest[VOTERS]);
+        while least > 1 && so_many < most {
+            least -= 1;
+            so_many += highest[usize::from(least)];
+        }
+        // It rises as more is seen.
+        let (mut above, mut with) = (0, [0; VOTERS + 1]);
         self.found.clear();
-        for (c, some) in self.counts.chunks(64).enumerate() {
-            if some.iter().fold(0, |m, n| m.max(*n)) < least {
+        for (c, some) in self.counts.chunks(CHUNK).enumerate() {
+            if self.maxima[c] < least {
                 continue;
             }
             for (i, &n) in some.iter().enumerate() {
                 if n < least {
                     continue;
                 }
-                self.found.push((n, 0, (c * 64 + i) as u32));
+                self.found.push((n, 0, (c * CHUNK + i) as u32));
                 with[usize::from(n)] += 1;
                 above += usize::from(n > least);
                 while above >= most {
@@ -266,7 +285,7 @@ mod tests {
     proptest! {
         #[test]
         fn votes_are_those_of_trying_every_place(
-            offsets in prop::collection::vec((-3.0..4.0f64, -2.0..5.0f64), 1..20), x in 4.0..25.0f64, y in 3.0..18.0f64,
+            offsets in prop::collection::vec((-3.0..4.0f64, -2.0..5.0f64), 1..=VOTERS), x in 4.0..25.0f64, y in 3.0..18.0f64,
         ) {
             let map = textons();
             let inside = Inside::new([30, 24], (vec2(-3.0, -2.0), vec2(4.0, 5.0)));
