@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Project, picture, sphere};
+use common::{Project, TETRAHEDRON, picture, sphere};
 use kiln::io::Samples;
 use kiln::io::image_file::{Limits, decode_pixels};
 
@@ -86,6 +86,37 @@ fn the_same_bytes_for_any_number_of_threads_and_all_ways_of_quilting() {
     // The order of [synthesis] is that of the triangles written: the picture is the same.
     assert_eq!(one["out/order/order.base_color.png"], one["out/window/window.base_color.png"]);
     assert_ne!(one["out/order/order.uvsets.glb"], one["out/window/window.uvsets.glb"]);
+}
+
+/// The steps of textons that ran, of one recipe.
+fn steps_of_textons(said: &str, of: &str) -> Vec<String> {
+    let steps = said.lines().filter_map(|line| line.split_once("s  ")?.1.strip_prefix(of)).map(str::to_string);
+    let mut steps: Vec<String> = steps
+        .filter(|s| ["/maps", "/analyse textons", "/quilt", "/blend mesh", "/blend sets"].contains(&&s[..]))
+        .collect();
+    steps.sort_unstable();
+    steps
+}
+
+#[test]
+fn further_meshes_take_the_textons_from_the_cache() {
+    let first = project();
+    first.write("recipes/one.toml", recipe("", "", "[uv_sets]"));
+    let ran = first.kiln(&["bake"]).expect(0).err;
+    let quilted = ["/blend mesh", "/blend sets", "/quilt"];
+    assert_eq!(steps_of_textons(&ran, "one"), ["/analyse textons", "/blend mesh", "/blend sets", "/maps", "/quilt"]);
+    let other = recipe("", "", "[uv_sets]").replace("'m.obj'", "'n.obj'");
+    first.write("recipes/n.obj", TETRAHEDRON);
+    first.write("recipes/two.toml", &other);
+    let ran = first.kiln(&["bake"]).expect(0).err;
+    assert_eq!(steps_of_textons(&ran, "two"), quilted, "{ran}");
+    // Also in another project that keeps its artefacts in the same place.
+    let second = project();
+    second.write("recipes/n.obj", TETRAHEDRON.replace("0 0 1", "0 0 2"));
+    second.write("recipes/three.toml", &other);
+    let cache = first.path(".kiln/cache");
+    let ran = second.kiln(&["bake", "--cache", cache.to_str().expect("UTF-8")]).expect(0).err;
+    assert_eq!(steps_of_textons(&ran, "three"), quilted, "{ran}");
 }
 
 #[test]

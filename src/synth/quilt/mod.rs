@@ -34,7 +34,7 @@ use crate::numerics::vec::{Vec2, vec2};
 use frame::Facets;
 use patch::Patches;
 use seam::box_of;
-use texton_string::{Ballot, Inside, Sample, error, fine_error, steps, texel_at};
+use texton_string::{Ballot, Inside, Sample, WholeSteps, error, fine_error, steps, texel_at};
 
 /// How to quilt.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -290,11 +290,16 @@ impl Job<'_> {
             let error = per_sample(fine_error(self.map, &string, origin, u64::MAX));
             return now.is_none().then_some(Found { origin, continues: false, error });
         }
+        let whole = WholeSteps::new(self.map, &string, base);
         // The first of equals, since those later must be below.
         let mut finalists: Vec<(u64, usize)> = Vec::with_capacity(FINALISTS + 1);
         for (i, at) in candidates.iter().enumerate() {
             let limit = if finalists.len() < FINALISTS { u64::MAX } else { finalists[FINALISTS - 1].0 };
-            let e = error(self.map, &string, *at, limit);
+            let e = if i < continuations {
+                error(self.map, &string, *at, limit)
+            } else {
+                whole.error(self.map, *at, limit)
+            };
             if e < limit {
                 finalists.insert(finalists.partition_point(|f| f.0 <= e), (e, i));
                 finalists.truncate(FINALISTS);
