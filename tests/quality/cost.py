@@ -55,10 +55,15 @@ def plot(series, path):
         x, y = place(2**lows[0], 10**power)
         out.append(f'<text x="{x - 8:.0f}" y="{y + 4:.0f}" text-anchor="end">{10.0**power:g} s</text>')
         out.append(f'<line x1="{x:.0f}" y1="{y:.0f}" x2="{width - 130}" y2="{y:.0f}" stroke="#ddd"/>')
+    labels = []
     for (name, curve), colour in zip(series.items(), ["#06c", "#c60", "#093", "#909"]):
         at = [place(*p) for p in curve]
         out.append(f'<polyline fill="none" stroke="{colour}" stroke-width="2" points="{" ".join(f"{x:.0f},{y:.0f}" for x, y in at)}"/>')
-        out.append(f'<text x="{at[-1][0] + 6:.0f}" y="{at[-1][1] + 4:.0f}" fill="{colour}">{name}</text>')
+        x, y = at[-1][0] + 6, at[-1][1] + 4
+        while any(x == other[0] and abs(y - other[1]) < 14 for other in labels):
+            y += 2
+        labels.append((x, y))
+        out.append(f'<text x="{x:.0f}" y="{y:.0f}" fill="{colour}">{name}</text>')
     out.append(f'<text x="{left}" y="{height - 10}">side in pixels</text></svg>')
     Path(path).write_text("\n".join(out) + "\n")
 
