@@ -19,7 +19,7 @@ impl Topology {
     pub fn new(mesh: &TriMesh) -> Self {
         let n = mesh.positions.len();
         let (starts, neighbours) = neighbours(n, &mesh.faces);
-        let (face_starts, faces) = incident(n, &mesh.faces);
+        let (face_starts, faces) = rows(n, |pair| each_corner(&mesh.faces, pair));
         Topology { starts, neighbours, face_starts, faces }
     }
 
@@ -67,18 +67,10 @@ impl Topology {
 
 /// The neighbours of each vertex: where each row starts, and the rows.
 fn neighbours(n: usize, faces: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
-    let mut starts = vec![0u32; n + 1];
-    each_pair(faces, |row, _| starts[row as usize + 1] += 1);
-    sum_up(&mut starts);
     // Each vertex's neighbours as they come, repeated; then, vertex by vertex, what has it as a neighbour: that is
     // the same, ascending.
+    let (mut starts, unsorted) = rows(n, |pair| each_pair(faces, pair));
     let mut fill = starts.clone();
-    let mut unsorted = vec![0u32; starts[n] as usize];
-    each_pair(faces, |row, entry| {
-        unsorted[fill[row as usize] as usize] = entry;
-        fill[row as usize] += 1;
-    });
-    fill.copy_from_slice(&starts);
     let mut sorted = vec![0u32; unsorted.len()];
     for v in 0..n {
         for &row in &unsorted[starts[v] as usize..starts[v + 1] as usize] {
@@ -104,22 +96,26 @@ fn neighbours(n: usize, faces: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
     (starts, sorted)
 }
 
-/// The faces at each vertex: where each row starts, and the rows.
-fn incident(n: usize, faces: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
+/// Rows of entries in the order of their pairs (row, entry): where each row starts, and the rows. `each` calls with every pair.
+fn rows(n: usize, each: impl Fn(&mut dyn FnMut(u32, u32))) -> (Vec<u32>, Vec<u32>) {
     let mut starts = vec![0u32; n + 1];
-    each_corner(faces, |row, _| starts[row as usize + 1] += 1);
-    sum_up(&mut starts);
+    each(&mut |row, _| starts[row as usize + 1] += 1);
+    let mut sum = 0;
+    for start in &mut starts {
+        sum += *start;
+        *start = sum;
+    }
     let mut fill = starts.clone();
     let mut entries = vec![0u32; starts[n] as usize];
-    each_corner(faces, |row, face| {
-        entries[fill[row as usize] as usize] = face;
+    each(&mut |row, entry| {
+        entries[fill[row as usize] as usize] = entry;
         fill[row as usize] += 1;
     });
     (starts, entries)
 }
 
 /// Both directions of each face's edges.
-fn each_pair(faces: &[[u32; 3]], mut pair: impl FnMut(u32, u32)) {
+fn each_pair(faces: &[[u32; 3]], pair: &mut dyn FnMut(u32, u32)) {
     for &[a, b, c] in faces {
         for (a, b) in [(a, b), (b, c), (c, a)] {
             if a != b {
@@ -131,7 +127,7 @@ fn each_pair(faces: &[[u32; 3]], mut pair: impl FnMut(u32, u32)) {
 }
 
 /// Each vertex of each face, with the face.
-fn each_corner(faces: &[[u32; 3]], mut pair: impl FnMut(u32, u32)) {
+fn each_corner(faces: &[[u32; 3]], pair: &mut dyn FnMut(u32, u32)) {
     for (i, &[a, b, c]) in faces.iter().enumerate() {
         pair(a, i as u32);
         if b != a {
@@ -140,15 +136,6 @@ fn each_corner(faces: &[[u32; 3]], mut pair: impl FnMut(u32, u32)) {
         if c != a && c != b {
             pair(c, i as u32);
         }
-    }
-}
-
-/// Each count becomes the sum of all up to it.
-fn sum_up(counts: &mut [u32]) {
-    let mut sum = 0;
-    for count in counts {
-        sum += *count;
-        *count = sum;
     }
 }
 

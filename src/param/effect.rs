@@ -8,7 +8,7 @@
 //! Unaware of: constraints, how the fields came about.
 
 use super::guide::{Guide, Wanted};
-use super::{Error, Fault, Parametrization, check, curl, periodic, recover, settle, singular};
+use super::{Error, Fault, Parametrization, check, periodic, recover, singular, solve};
 use crate::field::{Field, Symmetry};
 use crate::mesh::{Topology, TriMesh};
 use crate::numerics::vec::Vec3;
@@ -59,15 +59,12 @@ impl Parametrization {
             }
         }
         edges.iter().filter(|e| e.2).for_each(|&(h, there, _)| self.steps[there] = guide.steps[h]);
-        let mut even = guide.clone();
-        curl::lessen(&inner, &mut even, &|v| is_open[v as usize]);
         let mut phases: Vec<_> = area.vertices.iter().map(|&v| self.phases[v as usize]).collect();
         let inside: Vec<u32> = (0..).zip(&is_open).filter(|(_, open)| **open).map(|(v, _)| v).collect();
         let bounded = is_open.contains(&false);
         // A component that is open as a whole keeps its first vertex, as it did at first.
         let free = if bounded { &inside[..] } else { &inside[1..] };
-        periodic::solve(&even, &area.topo, free, wanted.symmetry, true, &mut phases);
-        settle::settle(&inner, &guide, free, &mut phases);
+        solve(&inner, &guide, &|v| is_open[v as usize], free, &mut phases);
         self.write(wanted, &area, &guide, &inside, phases);
     }
 

@@ -34,7 +34,7 @@ use crate::mesh::{Topology, TriMesh};
 use crate::numerics::csr::Complex;
 use crate::numerics::par;
 use crate::numerics::vec::{Vec2, Vec3};
-use guide::Wanted;
+use guide::{Guide, Wanted};
 
 /// Periodic coordinates of a mesh, in periods of the tile.
 #[derive(Clone, Debug, PartialEq)]
@@ -71,8 +71,6 @@ pub fn parametrize(
     let wanted = Wanted { mesh, topo, normals, field, symmetry, tile };
     check(&wanted)?;
     let guide = wanted.guide();
-    let mut even = guide.clone();
-    curl::lessen(&wanted, &mut even, &|_| true);
     let mut z = vec![[Complex::ONE; 2]; topo.vertex_count()];
     // One vertex of each component is locked, the lowest.
     let (labels, count) = crate::mesh::check::components(topo);
@@ -80,9 +78,17 @@ pub fn parametrize(
     let open =
         |&v: &u32| !topo.half_edges(v).is_empty() && std::mem::replace(&mut locked[labels[v as usize] as usize], true);
     let open: Vec<u32> = (0..topo.vertex_count() as u32).filter(open).collect();
-    periodic::solve(&even, topo, &open, symmetry, true, &mut z);
-    settle::settle(&wanted, &guide, &open, &mut z);
+    solve(&wanted, &guide, &|_| true, &open, &mut z);
     Ok(finish(&wanted, guide, z))
+}
+
+/// Angles at the vertices `free`, all others locked: a start from steps with less curl where `may_change` says so of a
+/// vertex, settled for the field's own.
+fn solve(wanted: &Wanted<'_>, guide: &Guide, may_change: &dyn Fn(u32) -> bool, free: &[u32], z: &mut [Phases]) {
+    let mut even = guide.clone();
+    curl::lessen(wanted, &mut even, may_change);
+    periodic::solve(&even, wanted.topo, free, wanted.symmetry, true, z);
+    settle::settle(wanted, guide, free, z);
 }
 
 /// Coordinates at corners from angles at vertices.

@@ -183,11 +183,22 @@ impl Ballot {
             return vec![];
         }
         let (w, h) = ((last[0] - first[0] + 1) as u32, (last[1] - first[1] + 1) as u32);
+        self.count(map, string, [w, h], |s| {
+            [(part.x + s.offset.x).floor() as i32 + first[0], (part.y + s.offset.y).floor() as i32 + first[1]]
+        });
+        self.select(most, key);
+        let at =
+            |p: u32| vec2(f64::from(first[0] + (p % w) as i32) + part.x, f64::from(first[1] + (p / w) as i32) + part.y);
+        self.found.iter().map(|f| at(f.2)).collect()
+    }
+
+    /// Counts the votes in a room of `w` x `h` places; `from` is what a sample's texels are moved back by.
+    fn count(&mut self, map: &TextonMap, string: &[Sample], [w, h]: [u32; 2], from: impl Fn(&Sample) -> [i32; 2]) {
         self.counts.clear();
         self.counts.resize(w as usize * h as usize + 1, 0);
         let stride = string.len().div_ceil(VOTERS);
         for s in string.iter().skip(stride / 2).step_by(stride) {
-            let o = [(part.x + s.offset.x).floor() as i32 + first[0], (part.y + s.offset.y).floor() as i32 + first[1]];
+            let o = from(s);
             for [x, y] in map.bucket(s.label) {
                 let (x, y) = ((i32::from(*x) - o[0]) as u32, (i32::from(*y) - o[1]) as u32);
                 // Without a branch, which nobody could predict: places without room share a count at the end.
@@ -197,7 +208,11 @@ impl Ballot {
             }
         }
         self.counts.pop();
-        // So many chunks have a place with `least` votes that no place with fewer is needed.
+    }
+
+    /// Votes that the `most` best places have at least, by chunks: so many of these have a place with as many votes that no
+    /// place with fewer is needed.
+    fn least(&mut self, most: usize) -> u8 {
         let mut highest = [0; VOTERS + 1];
         self.maxima.clear();
         for some in self.counts.chunks(CHUNK) {
@@ -210,6 +225,12 @@ impl Ballot {
             least -= 1;
             so_many += highest[usize::from(least)];
         }
+        least
+    }
+
+    /// Leaves in `found` the `most` best places, best first, `key` giving the order of equals.
+    fn select(&mut self, most: usize, key: Key) {
+        let mut least = self.least(most);
         // It rises as more is seen.
         let (mut above, mut with) = (0, [0; VOTERS + 1]);
         self.found.clear();
@@ -238,9 +259,6 @@ impl Ballot {
             self.found.truncate(most);
         }
         self.found.sort_unstable_by_key(order);
-        let at =
-            |p: u32| vec2(f64::from(first[0] + (p % w) as i32) + part.x, f64::from(first[1] + (p / w) as i32) + part.y);
-        self.found.iter().map(|f| at(f.2)).collect()
     }
 }
 
