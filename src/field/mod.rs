@@ -41,6 +41,8 @@ pub struct Field {
 pub struct Laid {
     /// Per vertex.
     pub field: Field,
+    /// Unit normal of each vertex, which `field.up` is perpendicular to.
+    pub normals: Vec<Vec3>,
     /// After which turns the sample looks the same.
     pub symmetry: Symmetry,
     /// Where the orientation has no direction.

@@ -33,6 +33,11 @@ pub fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> 
     rayon::join(a, b)
 }
 
+/// Calls `f` for every item, in parallel.
+pub fn for_each<T: Send>(items: Vec<T>, f: impl Fn(T) + Sync + Send) {
+    items.into_par_iter().for_each(f);
+}
+
 /// Calls `f(index, row)` for every `row_len` items of `data`, in parallel.
 pub fn for_rows<T: Send>(data: &mut [T], row_len: usize, f: impl Fn(usize, &mut [T]) + Sync) {
     data.par_chunks_mut(row_len.max(1)).enumerate().for_each(|(i, row)| f(i, row));
@@ -55,7 +60,7 @@ pub fn fill_rows<T: Send>(
         parts.push((first..last, part));
         data = rest;
     }
-    parts.into_par_iter().for_each(|(rows, part)| f(rows, part));
+    for_each(parts, |(rows, part)| f(rows, part));
 }
 
 #[cfg(test)]

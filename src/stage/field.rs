@@ -21,7 +21,7 @@ pub(super) struct LayField {
 }
 
 impl Step for LayField {
-    super::step_identity!("field", 2);
+    super::step_identity!("field", 3);
 
     fn describe(&self, v: &mut dyn Visitor) {
         v.param("symmetry", &self.symmetry);
@@ -44,7 +44,8 @@ impl Step for LayField {
         let closed = census(mesh, &topology);
         let euler =
             (closed.boundary_edges + closed.non_manifold_edges + closed.flipped_edges == 0).then_some(closed.euler);
-        Ok(Laid { field: Field { up, scale }, symmetry: self.symmetry, singularities, euler }.to_bytes())
+        let field = Field { up, scale };
+        Ok(Laid { field, normals, symmetry: self.symmetry, singularities, euler }.to_bytes())
     }
 }
 
@@ -62,7 +63,7 @@ impl Step for LayAreas {
     }
 
     fn revision(&self) -> u32 {
-        1
+        2
     }
 
     fn describe(&self, v: &mut dyn Visitor) {
@@ -74,11 +75,11 @@ impl Step for LayAreas {
         let ground = Prepared::ground(&inputs[0])?;
         let before: Laid = super::read(inputs, 1)?;
         let mesh = &ground.mesh;
-        let (topo, normals) = (Topology::new(mesh), mesh.vertex_normals());
+        let (topo, normals) = (Topology::new(mesh), &before.normals);
         let (on, up) = ((mesh, &topo, &normals[..]), &before.field.up);
         let up = field::orientation_in_areas(on, up, orientation, singularities, align, *symmetry)?;
         let scale = field::scale(mesh, &topo, ground.scale, scale)?;
-        let found = field::singularities(mesh, &topo, &normals, &up, *symmetry);
+        let found = field::singularities(mesh, &topo, normals, &up, *symmetry);
         let singularities = field::singular_points(mesh, &found);
         Ok(Laid { field: Field { up, scale }, singularities, ..before }.to_bytes())
     }

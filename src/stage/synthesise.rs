@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::build::{Inputs, Step, StepError, Visitor};
 use crate::exemplar::{AnalysisParams, JumpMap};
-use crate::field::{self, Field, Symmetry};
+use crate::field::{self, Laid, Symmetry};
 use crate::io::artefact::{Artefact, Damaged, Reader, Writer, set_count};
 use crate::mesh::Topology;
 use crate::synth::mesh::corner::{Base, corner_sets};
@@ -181,10 +181,10 @@ impl Step for Synthesise {
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
         let Ground { exemplar_size, mesh, .. } = Prepared::ground(&inputs[0])?;
-        let field: Field = super::read::<field::Laid>(inputs, 1)?.field;
+        let Laid { field, normals, .. } = super::read(inputs, 1)?;
         let map = JumpMap::from_bytes(&inputs[2])?;
         let topology = Topology::new(&mesh);
-        let offsets = field::edge_offsets(&mesh, &topology, &mesh.vertex_normals(), &field, self.symmetry);
+        let offsets = field::edge_offsets(&mesh, &topology, &normals, &field, self.symmetry);
         let spacing = match self.refine {
             0 => f64::from(exemplar_size[0].min(exemplar_size[1])) * SPACING,
             _ => REFINED_SPACING,

@@ -136,11 +136,12 @@ impl Artefact for SynthesisMesh {
 }
 
 impl Artefact for Laid {
-    const TAG: [u8; 4] = *b"fld2";
+    const TAG: [u8; 4] = *b"fld3";
 
     fn write(&self, w: &mut Writer) {
         w.slice(&self.field.up);
         w.slice(&self.field.scale);
+        w.slice(&self.normals);
         w.put(match self.symmetry {
             Symmetry::One => 1u8,
             Symmetry::Two => 2,
@@ -159,7 +160,8 @@ impl Artefact for Laid {
 
     fn read(r: &mut Reader<'_>) -> Result<Self, Damaged> {
         let field = Field { up: r.slice()?, scale: r.slice()? };
-        check(field.up.len() == field.scale.len(), "one scale per vertex")?;
+        let normals: Vec<Vec3> = r.slice()?;
+        check([field.scale.len(), normals.len()] == [field.up.len(); 2], "one scale and one normal per vertex")?;
         let symmetry = match r.get::<u8>()? {
             0 => Symmetry::Isotropic,
             1 => Symmetry::One,
@@ -172,7 +174,7 @@ impl Artefact for Laid {
         for _ in 0..r.get::<u64>()? {
             singularities.push(Singularity { at: r.get()?, index: r.get()?, face: r.get()? });
         }
-        Ok(Laid { field, symmetry, singularities, euler: is_closed.then_some(euler) })
+        Ok(Laid { field, normals, symmetry, singularities, euler: is_closed.then_some(euler) })
     }
 }
 
@@ -293,26 +295,29 @@ impl Artefact for UvSets {
     fn read(r: &mut Reader<'_>) -> Result<Self, Damaged> {
         let (exemplar_size, blend, sharpness, n) = read_sets_head(r)?;
         let codes: Vec<u8> = r.slice()?;
-        let (mut places, mut rest) = (&r.slice::<Texel>()?[..], &r.slice::<f32>()?[..]);
-        let mut sets = vec![Vec::with_capacity(3 * codes.len()); n];
+        let (places, rest): (Vec<Texel>, Vec<f32>) = (r.slice()?, r.slice()?);
+        let (mut places, mut rest) = (&places[..], &rest[..]);
+        let mut sets: Vec<Vec<Texel>> = (0..n).map(|_| Vec::with_capacity(3 * codes.len())).collect();
         let mut weights = Vec::with_capacity(3 * codes.len());
         for code in codes {
             let kind = Kind::from_code(code).ok_or_else(|| Damaged(format!("a face of kind {code}")))?;
-            let first = places;
+            let (own, left) = places
+                .split_at_checked(3 * kind.distinct.min(n))
+                .ok_or_else(|| Damaged("a face without coordinates".into()))?;
+            places = left;
+            let (own, _) = own.as_chunks::<3>();
             for (s, set) in sets.iter_mut().enumerate() {
-                let from = if s < kind.distinct { &mut places } else { &mut &first[..] };
-                let (own, left) = from.split_first_chunk::<3>().ok_or(Damaged("a face without coordinates".into()))?;
-                set.extend_from_slice(own);
-                *from = left;
+                set.extend_from_slice(own.get(s).unwrap_or(&own[0]));
             }
-            for _ in 0..3 {
-                let (own, left) =
-                    rest.split_at_checked(kind.weights()).ok_or(Damaged("a corner without weights".into()))?;
-                let mut all = if kind.plain { [1.0, 0.0, 0.0, 0.0] } else { [0.0; 4] };
-                all[..own.len()].copy_from_slice(own);
-                weights.push(all);
-                rest = left;
+            if kind.plain {
+                weights.extend_from_slice(&[[1.0, 0.0, 0.0, 0.0]; 3]);
+                continue;
             }
+            let (own, left) =
+                rest.split_at_checked(3 * kind.distinct).ok_or_else(|| Damaged("a corner without weights".into()))?;
+            rest = left;
+            weights
+                .extend(own.chunks_exact(kind.distinct).map(|w| std::array::from_fn(|s| w.get(s).map_or(0.0, |w| *w))));
         }
         check(places.is_empty() && rest.is_empty(), "coordinates without a face")?;
         let material: Vec<f32> = r.slice()?;
@@ -386,7 +391,8 @@ mod tests {
         assert_eq!(SynthesisMesh::from_bytes(&m.to_bytes()), Ok(m));
         let found = Singularity { at: vec3(1.0, 2.0, 3.0), index: -0.5, face: 7 };
         let field = Field { up: vec![vec3(0.0, 1.0, 0.0)], scale: vec![2.0] };
-        let l = Laid { field, symmetry: Symmetry::Two, singularities: vec![found], euler: Some(2) };
+        let normals = vec![vec3(0.0, 0.0, 1.0)];
+        let l = Laid { field, normals, symmetry: Symmetry::Two, singularities: vec![found], euler: Some(2) };
         assert_eq!(Laid::from_bytes(&l.to_bytes()), Ok(l));
         let p = Pixels { width: 1, height: 2, channels: 1, samples: Samples::U16(vec![1, 65535]) };
         assert_eq!(Pixels::from_bytes(&p.to_bytes()), Ok(p));

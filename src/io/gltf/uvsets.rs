@@ -238,7 +238,6 @@ struct Vertex {
     vertex: u32,
     /// Where it is in the input.
     mix: Mix,
-    weights: [u32; 4],
     /// Normal in the object; zero if the input has them or none are wanted.
     normal: [f32; 3],
 }
@@ -274,9 +273,13 @@ impl<'a> Job<'a> {
             corner,
             vertex: synthesis.mesh.faces[corner / 3][corner % 3],
             mix: Mix::new(vertices, bary),
-            weights: shares(self.sets.weights[corner].map(f64::from), self.weight_type.unit() as u32),
             normal: if self.wants_normals { normal() } else { [0.0; 3] },
         }
+    }
+
+    /// The weights of a corner as they are stored.
+    fn weights(&self, corner: usize) -> [u32; 4] {
+        shares(self.sets.weights[corner].map(f64::from), self.weight_type.unit() as u32)
     }
 
     /// Whether two corners may be one vertex.
@@ -284,7 +287,7 @@ impl<'a> Job<'a> {
         let near = |x: f32, y: f32| (x - y).abs() <= self.output.weld_texels;
         let (ca, cb) = (a.corner, b.corner);
         self.sets.sets.iter().all(|s| near(s[ca].x, s[cb].x) && near(s[ca].y, s[cb].y))
-            && a.weights == b.weights
+            && (self.sets.weights[ca] == self.sets.weights[cb] || self.weights(ca) == self.weights(cb))
             && a.mix == b.mix
             && a.normal == b.normal
             && self.output.material_space.is_none_or(|m| m.values[ca] == m.values[cb])
@@ -367,10 +370,11 @@ impl<'a> Job<'a> {
             let uv = |v: &Vertex| [set[v.corner].x / w, set[v.corner].y / h];
             out.push((format!("TEXCOORD_{s}"), floats("VEC2", vertices.iter().map(uv))));
         }
+        let weights: Vec<[u32; 4]> = vertices.iter().map(|v| self.weights(v.corner)).collect();
         let mut bytes = Vec::with_capacity(4 * self.weight_type.size() * vertices.len());
         match self.weight_type {
-            Component::U8 => bytes.extend(vertices.iter().flat_map(|v| v.weights).map(|w| w as u8)),
-            _ => vertices.iter().for_each(|v| v.weights.iter().for_each(|w| bytes.extend((*w as u16).to_le_bytes()))),
+            Component::U8 => weights.iter().for_each(|w| bytes.extend(w.map(|w| w as u8))),
+            _ => weights.iter().flatten().for_each(|w| bytes.extend((*w as u16).to_le_bytes())),
         }
         let format = Format::new(self.weight_type, "VEC4", true);
         out.push(("_KILN_WEIGHTS".into(), Stream::New { like: None, format, bytes }));
@@ -378,8 +382,8 @@ impl<'a> Job<'a> {
             let n = self.sets.sets.len();
             let unit = self.weight_type.unit();
             for (s, pair) in [[0, 1], [2, 3]].into_iter().enumerate().take(if n > 3 { 2 } else { 1 }) {
-                let share = |v: &Vertex| pair.map(|k| (f64::from(v.weights[k]) / unit) as f32);
-                out.push((format!("TEXCOORD_{}", n + s), floats("VEC2", vertices.iter().map(share))));
+                let share = |w: &[u32; 4]| pair.map(|k| (f64::from(w[k]) / unit) as f32);
+                out.push((format!("TEXCOORD_{}", n + s), floats("VEC2", weights.iter().map(share))));
             }
         }
         if let Some(space) = &self.output.material_space {
@@ -424,8 +428,10 @@ impl<'a> Job<'a> {
 
 /// New data of floats.
 fn floats<const N: usize>(shape: &str, values: impl ExactSizeIterator<Item = [f32; N]>) -> Stream {
-    let mut bytes = Vec::with_capacity(4 * N * values.len());
-    values.for_each(|v| v.iter().for_each(|c| bytes.extend_from_slice(&c.to_le_bytes())));
+    let mut bytes = vec![0; 4 * N * values.len()];
+    for (bytes, value) in bytes.chunks_exact_mut(4 * N).zip(values) {
+        bytes.as_chunks_mut::<4>().0.iter_mut().zip(value).for_each(|(b, c)| *b = c.to_le_bytes());
+    }
     Stream::new(None, Component::F32, shape, bytes)
 }
 

@@ -33,51 +33,60 @@ pub fn layered_sets(
         return Err(Error::Count { what: "addresses of sites", found: address.len(), expected: sites.vertices.len() });
     }
     let count = if blend == Blend::Nearest { 1 } else { MAX_SETS };
-    let chunks = par::map_chunks(faces.len(), 4096, |some| {
-        let mut layers = Layers::new(CONTINUES);
-        let one = |face: &[u32; 3]| {
-            layers.clear();
-            let mut reaching = face.map(|v| sites.reaching(v).0);
-            let mut known = face.map(|v| sites.reaching(v).1);
-            loop {
-                // Each corner's sites are in order: the lowest of the three next.
-                let next = reaching.map(|r| r.first().map_or(u32::MAX, |r| r.site));
-                let site = next[0].min(next[1]).min(next[2]);
-                if site == u32::MAX {
-                    break;
-                }
-                let a = address[site as usize];
-                let mut patch = Patch::new(site);
-                for k in 0..3 {
-                    let from = if next[k] == site { &mut reaching[k] } else { &mut known[k] };
-                    let before = from.iter().take_while(|r| r.site < site).count();
-                    *from = &from[before..];
-                    if let Some((r, rest)) = from.split_first().filter(|(r, _)| r.site == site) {
-                        patch.place(k, texel(a.x + r.offset[0], a.y + r.offset[1]), r.weight);
-                        *from = rest;
-                    }
-                }
-                layers.push(patch);
+    let (sets, weights) = of_faces(faces.len(), count, CONTINUES, |layers, f| {
+        let [a, b, c] = faces[f].map(|v| sites.reaching(v));
+        let (mut reaching, mut known) = ([a.0, b.0, c.0], [a.1, b.1, c.1]);
+        loop {
+            // Each corner's sites are in order: the lowest of the three next.
+            let next = reaching.map(|r| r.first().map_or(u32::MAX, |r| r.site));
+            let site = next[0].min(next[1]).min(next[2]);
+            if site == u32::MAX {
+                break layers.finish(count);
             }
-            layers.finish(count)
-        };
-        faces[some].iter().map(one).collect::<Vec<_>>()
+            let a = address[site as usize];
+            let mut patch = Patch::new(site);
+            for k in 0..3 {
+                let from = if next[k] == site { &mut reaching[k] } else { &mut known[k] };
+                while let Some((r, rest)) = from.split_first().filter(|(r, _)| r.site <= site) {
+                    if r.site == site {
+                        patch.place(k, texel(a.x + r.offset[0], a.y + r.offset[1]), r.weight);
+                    }
+                    *from = rest;
+                }
+            }
+            layers.push(patch);
+        }
     });
-    Ok(collect(chunks, count, exemplar_size, blend))
+    Ok(UvSets { exemplar_size, sets, weights, blend, sharpness: 1, material: vec![] })
 }
 
-/// The sets of all faces.
-pub(super) fn collect(chunks: Vec<Vec<FaceSets>>, count: usize, exemplar_size: [u32; 2], blend: Blend) -> UvSets {
-    let corners = 3 * chunks.iter().map(Vec::len).sum::<usize>();
-    let mut sets = vec![Vec::with_capacity(corners); count];
-    let mut weights = Vec::with_capacity(corners);
-    for face in chunks.into_iter().flatten() {
-        for (set, corners) in sets.iter_mut().zip(&face.sets) {
-            set.extend_from_slice(corners);
+/// Coordinates in each of `count` sets, and weights, of the corners of so many faces. `one` pushes the patches of a face and
+/// finishes them; those within `tolerance` of each other are one.
+pub(super) fn of_faces(
+    faces: usize,
+    count: usize,
+    tolerance: f32,
+    one: impl Fn(&mut Layers, usize) -> FaceSets + Sync,
+) -> (Vec<Vec<Texel>>, Vec<[f32; 4]>) {
+    const CHUNK: usize = 3 * 4096;
+    let mut sets: Vec<Vec<Texel>> = (0..count).map(|_| bytemuck::zeroed_vec(3 * faces)).collect();
+    let mut weights: Vec<[f32; 4]> = bytemuck::zeroed_vec(3 * faces);
+    let mut places: Vec<_> = sets.iter_mut().map(|s| s.chunks_mut(CHUNK)).collect();
+    let part =
+        |(i, weights)| (i * CHUNK / 3, weights, places.iter_mut().filter_map(Iterator::next).collect::<Vec<_>>());
+    let parts: Vec<(usize, &mut [[f32; 4]], _)> = weights.chunks_mut(CHUNK).enumerate().map(part).collect();
+    par::for_each(parts, |(first, weights, mut places)| {
+        let mut layers = Layers::new(tolerance);
+        for (i, weights) in weights.as_chunks_mut::<3>().0.iter_mut().enumerate() {
+            layers.patches.clear();
+            let face = one(&mut layers, first + i);
+            *weights = face.weights;
+            for (places, set) in places.iter_mut().zip(&face.sets) {
+                places[3 * i..3 * i + 3].copy_from_slice(set);
+            }
         }
-        weights.extend_from_slice(&face.weights);
-    }
-    UvSets { exemplar_size, sets, weights, blend, sharpness: 1, material: vec![] }
+    });
+    (sets, weights)
 }
 
 /// Coordinates of each set at the corners of a face, and each corner's weights.
@@ -86,64 +95,74 @@ pub(super) struct FaceSets {
     weights: [[f32; 4]; 3],
 }
 
-/// One patch over a face, or several that continue each other.
+/// One patch over a face, or several that continue each other. Two lanes a corner and two that stay zero: loops over all
+/// eight take few instructions.
 #[derive(Clone)]
 pub(super) struct Patch {
     id: u32,
     /// The first one's place at each corner; NaN where it is not known.
-    at: [Texel; 3],
+    at: [f32; 8],
     /// Places at each corner summed by weight.
-    sum: [[f32; 2]; 3],
-    weight: [f32; 3],
+    sum: [f32; 8],
+    weight: [f32; 4],
 }
 
 impl Patch {
     /// A patch that is nowhere yet. Of equal weight the lower number comes first.
     pub fn new(id: u32) -> Self {
-        Patch { id, at: [texel(f32::NAN, f32::NAN); 3], sum: [[0.0; 2]; 3], weight: [0.0; 3] }
+        let mut at = [f32::NAN; 8];
+        at[6..].fill(0.0);
+        Patch { id, at, sum: [0.0; 8], weight: [0.0; 4] }
     }
 
     /// Says where it is at corner `k` and what it weighs there.
     pub fn place(&mut self, k: usize, at: Texel, weight: f32) {
-        (self.at[k], self.weight[k]) = (at, weight);
-        self.sum[k] = [at.x * weight, at.y * weight];
+        (self.at[2 * k], self.at[2 * k + 1], self.weight[k]) = (at.x, at.y, weight);
+        (self.sum[2 * k], self.sum[2 * k + 1]) = (at.x * weight, at.y * weight);
     }
 
     fn total(&self) -> f32 {
         self.weight[0] + self.weight[1] + self.weight[2]
     }
 
-    fn ranked(&self, index: usize) -> Ranked {
-        Ranked { total: self.total(), id: self.id, index }
+    /// Less, the more it weighs; of equal weight the lower number first. Weights are not negative, so that their bits
+    /// are in their order.
+    fn rank(&self) -> u64 {
+        u64::from(!self.total().to_bits()) << 32 | u64::from(self.id)
     }
 
     /// Whether `other` is within `tolerance` of it at all corners that both know.
     fn continues(&self, other: &Patch, tolerance: f32) -> bool {
-        self.at.iter().zip(&other.at).all(|(a, b)| {
-            let far = (a.x - b.x).abs().max((a.y - b.y).abs());
-            far.is_nan() || far < tolerance
-        })
+        let mut far = false;
+        for i in 0..8 {
+            // What is not known is NaN, and not far.
+            far |= (self.at[i] - other.at[i]).abs() >= tolerance;
+        }
+        !far
     }
 
     fn take_in(&mut self, other: &Patch) {
-        for k in 0..3 {
-            for axis in 0..2 {
-                self.sum[k][axis] += other.sum[k][axis];
-            }
+        for i in 0..8 {
+            self.sum[i] += other.sum[i];
+            self.at[i] = if self.at[i].is_nan() { other.at[i] } else { self.at[i] };
+        }
+        for k in 0..4 {
             self.weight[k] += other.weight[k];
-            if self.at[k].x.is_nan() {
-                self.at[k] = other.at[k];
-            }
         }
     }
 
     /// The place at each corner.
     fn corners(&self) -> [Texel; 3] {
-        let known = self.at.iter().find(|a| !a.x.is_nan()).copied().unwrap_or_default();
-        std::array::from_fn(|k| match (self.weight[k], self.sum[k]) {
-            (w, [x, y]) if w > 0.0 => texel(x / w, y / w),
-            _ if self.at[k].x.is_nan() => known,
-            _ => self.at[k],
+        let at = |k: usize| texel(self.at[2 * k], self.at[2 * k + 1]);
+        std::array::from_fn(|k| {
+            let w = self.weight[k];
+            if w > 0.0 {
+                texel(self.sum[2 * k] / w, self.sum[2 * k + 1] / w)
+            } else if at(k).x.is_nan() {
+                (0..3).map(at).find(|a| !a.x.is_nan()).unwrap_or_default()
+            } else {
+                at(k)
+            }
         })
     }
 }
@@ -153,25 +172,14 @@ pub(super) struct Layers {
     tolerance: f32,
     patches: Vec<Patch>,
     merged: Vec<Patch>,
-    order: Vec<Ranked>,
-}
-
-/// A patch in a list of patches.
-#[derive(Clone, Copy)]
-struct Ranked {
-    total: f32,
-    id: u32,
-    index: usize,
+    /// Patches by [`Patch::rank`], and their places in a list.
+    order: Vec<(u64, u32)>,
 }
 
 impl Layers {
     /// Patches within `tolerance` texels of each other at all corners will be one.
-    pub fn new(tolerance: f32) -> Self {
+    fn new(tolerance: f32) -> Self {
         Layers { tolerance, patches: vec![], merged: vec![], order: vec![] }
-    }
-
-    pub fn clear(&mut self) {
-        self.patches.clear();
     }
 
     /// Takes in a patch, if it weighs anything.
@@ -185,35 +193,36 @@ impl Layers {
     /// front, the others by number, so that neighbouring faces mostly have them in the same order. Sets without a patch
     /// repeat the first.
     pub fn finish(&mut self, count: usize) -> FaceSets {
-        let heaviest = |a: &Ranked, b: &Ranked| b.total.total_cmp(&a.total).then(a.id.cmp(&b.id));
-        self.order.clear();
-        self.order.extend(self.patches.iter().enumerate().map(|(i, p)| p.ranked(i)));
-        self.order.sort_unstable_by(heaviest);
+        fn by_rank(order: &mut Vec<(u64, u32)>, patches: &[Patch]) {
+            order.clear();
+            order.extend(patches.iter().enumerate().map(|(i, p)| (p.rank(), i as u32)));
+            order.sort_unstable();
+        }
+        by_rank(&mut self.order, &self.patches);
         self.merged.clear();
-        for ranked in &self.order {
-            let patch = &self.patches[ranked.index];
+        for &(_, i) in &self.order {
+            let patch = &self.patches[i as usize];
             match self.merged.iter_mut().find(|m| m.continues(patch, self.tolerance)) {
                 Some(whole) => whole.take_in(patch),
                 None => self.merged.push(patch.clone()),
             }
         }
-        self.order.clear();
-        self.order.extend(self.merged.iter().enumerate().map(|(i, p)| p.ranked(i)));
-        self.order.sort_unstable_by(heaviest);
+        by_rank(&mut self.order, &self.merged);
         self.order.truncate(count);
+        let merged = &self.merged;
         if let Some((_, others)) = self.order.split_first_mut() {
-            others.sort_unstable_by_key(|r| r.id);
+            others.sort_unstable_by_key(|r| merged[r.1 as usize].id);
         }
-        let (order, merged) = (&self.order, &self.merged);
-        let first = order.first().map_or([Texel::default(); 3], |r| merged[r.index].corners());
+        let chosen = |s: usize| self.order.get(s).map(|r| &merged[r.1 as usize]);
+        let first = chosen(0).map_or([Texel::default(); 3], Patch::corners);
         let mut out = FaceSets { sets: [[Texel::default(); 3]; MAX_SETS], weights: [[0.0; 4]; 3] };
         for (s, set) in out.sets.iter_mut().enumerate().take(count) {
-            *set = if s == 0 { first } else { order.get(s).map_or(first, |r| merged[r.index].corners()) };
+            *set = if s == 0 { first } else { chosen(s).map_or(first, Patch::corners) };
         }
         for (k, weights) in out.weights.iter_mut().enumerate() {
-            let sum: f32 = order.iter().map(|r| merged[r.index].weight[k]).sum();
+            let sum: f32 = (0..count).map_while(chosen).map(|p| p.weight[k]).sum();
             match sum > 0.0 {
-                true => order.iter().zip(weights).for_each(|(r, w)| *w = merged[r.index].weight[k] / sum),
+                true => (0..count).map_while(chosen).zip(weights).for_each(|(p, w)| *w = p.weight[k] / sum),
                 false => weights[0] = 1.0,
             }
         }

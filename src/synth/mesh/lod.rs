@@ -6,7 +6,7 @@
 //! agree at vertices exactly, and between them as far as the surfaces are the same.
 //! Unaware of: fields, jump maps.
 
-use super::layers::{Layers, MAX_SETS, Patch};
+use super::layers::{MAX_SETS, Patch, of_faces};
 use crate::mesh::TriMesh;
 use crate::mesh::nearest::NearestPoint;
 use crate::numerics::par;
@@ -42,25 +42,20 @@ pub fn transfer(finest: &TriMesh, sets: &UvSets, level: &TriMesh) -> UvSets {
     let [width, height] = sets.exemplar_size.map(|s| s as f32);
     // Beyond the outer texel centres there is nothing to show.
     let inside = |a: Texel| texel(a.x.max(0.5).min(width - 0.5), a.y.max(0.5).min(height - 0.5));
-    let chunks = par::map_chunks(level.faces.len(), 4096, |some| {
-        let mut layers = Layers::new(CONTINUES);
-        let one = |f: usize| {
-            let (face, p) = (level.faces[f], level.corners(f));
-            layers.clear();
-            for (k, v) in face.iter().enumerate() {
-                for (i, s) in shown[*v as usize].iter().enumerate() {
-                    let mut patch = Patch::new((k * MAX_SETS + i) as u32);
-                    (0..3).for_each(|j| patch.place(j, s.moved(p[j] - p[k]), if j == k { s.weight } else { 0.0 }));
-                    layers.push(patch);
-                }
+    let (sets_of_level, weights) = of_faces(level.faces.len(), count, CONTINUES, |layers, f| {
+        let (face, p) = (level.faces[f], level.corners(f));
+        for (k, v) in face.iter().enumerate() {
+            for (i, s) in shown[*v as usize].iter().enumerate() {
+                let mut patch = Patch::new((k * MAX_SETS + i) as u32);
+                (0..3).for_each(|j| patch.place(j, s.moved(p[j] - p[k]), if j == k { s.weight } else { 0.0 }));
+                layers.push(patch);
             }
-            let mut out = layers.finish(count);
-            out.sets.iter_mut().flatten().for_each(|a| *a = inside(*a));
-            out
-        };
-        some.map(one).collect::<Vec<_>>()
+        }
+        let mut out = layers.finish(count);
+        out.sets.iter_mut().flatten().for_each(|a| *a = inside(*a));
+        out
     });
-    UvSets { sharpness: sets.sharpness, ..super::layers::collect(chunks, count, sets.exemplar_size, sets.blend) }
+    UvSets { sets: sets_of_level, weights, material: vec![], ..*sets }
 }
 
 impl Shown {

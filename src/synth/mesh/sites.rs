@@ -54,6 +54,8 @@ pub(super) struct Reach {
 struct Net<'a> {
     topology: &'a Topology,
     offsets: &'a [Vec2],
+    /// Their lengths.
+    lengths: &'a [f64],
     /// Whether frames may be quarter turns apart (fields of 2-way and 4-way symmetry).
     turned: bool,
 }
@@ -126,9 +128,9 @@ impl<'a> Spread<'a> {
                 continue;
             }
             let label = *label;
-            let Net { topology, offsets, .. } = self.net;
+            let Net { topology, offsets, lengths, .. } = self.net;
             for h in topology.half_edges(label.vertex) {
-                let (vertex, length) = (topology.target(h), label.length + offsets[h].length());
+                let (vertex, length) = (topology.target(h), label.length + lengths[h]);
                 let slot = self.slots[vertex as usize];
                 if slot != NONE && self.seen[slot as usize].length <= length {
                     continue;
@@ -187,6 +189,8 @@ struct Laid {
     reaches: Vec<(u32, Reach)>,
     /// Least and greatest corner of what each lays out.
     extents: Vec<[Vec2; 2]>,
+    /// The best path to each site beside the one at hand; scratch memory.
+    paths: Vec<Path>,
 }
 
 impl Reach {
@@ -206,7 +210,8 @@ impl Sites {
     /// `offsets` as for the walk, finite; `turned`: whether frames may be quarter turns apart. Vertices are taken in order
     /// of index unless a site is nearer than `spacing`.
     pub fn new(topology: &Topology, offsets: &[Vec2], spacing: f64, turned: bool) -> Option<Sites> {
-        let net = Net { topology, offsets, turned };
+        let lengths: Vec<f64> = offsets.iter().map(|o| o.length()).collect();
+        let net = Net { topology, offsets, lengths: &lengths, turned };
         let (vertices, nearest) = choose(net, spacing);
         if vertices.len() == topology.vertex_count() {
             return None;
@@ -216,11 +221,11 @@ impl Sites {
         let near = Near { nearest: &nearest, distances: &distances, spacing };
         // Few large chunks: each has an array of all vertices.
         let laid = par::map_chunks(vertices.len(), vertices.len().div_ceil(16).max(64), |some| {
-            let (mut spread, mut laid, mut paths) = (Spread::new(net), Laid::default(), vec![]);
+            let (mut spread, mut laid) = (Spread::new(net), Laid::default());
             // Two rings, where all vertices are sites.
             laid.reaches.reserve(20 * some.len());
             laid.beside.reserve(6 * some.len());
-            some.for_each(|s| lay(&mut spread, s as u32, vertices[s], near, &mut laid, &mut paths));
+            some.for_each(|s| laid.lay(&mut spread, s as u32, vertices[s], near));
             laid
         });
         Some(assemble(vertices, &laid, &nearest))
@@ -272,33 +277,41 @@ fn choose(net: Net, spacing: f64) -> (Vec<u32>, Vec<Nearest>) {
     (vertices, nearest)
 }
 
-/// Lays out the patch of a site. `paths` is scratch memory.
-fn lay(
-    spread: &mut Spread,
-    site: u32,
-    vertex: u32,
-    Near { nearest, distances, spacing }: Near,
-    laid: &mut Laid,
-    paths: &mut Vec<Path>,
-) {
-    // Nobody is further than `spacing` from a site, so weights end before twice that.
-    spread.from(vertex, 2.0 * spacing, |v, distance| 1.0 - (distance - distances[v as usize]).max(0.0) / spacing);
-    let topology = spread.net.topology;
-    let mut extent = [Vec2::ZERO; 2];
-    paths.clear();
-    // Those without weight are corners of faces that it reaches into.
-    for &Label { vertex: v, at, weight, .. } in &spread.seen {
-        laid.reaches.push((v, Reach::new(site, at, weight)));
-        extent = extended(extent, at);
-        if nearest[v as usize].site == site {
-            paths.extend(topology.half_edges(v).filter_map(|h| path(spread.net, site, v, h, nearest)));
+impl Laid {
+    /// Lays out the patch of a site.
+    fn lay(&mut self, spread: &mut Spread, site: u32, vertex: u32, near: Near) {
+        let Near { nearest, distances, spacing } = near;
+        // Nobody is further than `spacing` from a site, so weights end before twice that.
+        spread.from(vertex, 2.0 * spacing, |v, distance| 1.0 - (distance - distances[v as usize]).max(0.0) / spacing);
+        let topology = spread.net.topology;
+        let mut extent = [Vec2::ZERO; 2];
+        self.paths.clear();
+        // Those without weight are corners of faces that it reaches into.
+        for &Label { vertex: v, at, weight, .. } in &spread.seen {
+            self.reaches.push((v, Reach::new(site, at, weight)));
+            extent = extended(extent, at);
+            if nearest[v as usize].site == site {
+                topology
+                    .half_edges(v)
+                    .filter_map(|h| path(spread.net, site, v, h, nearest))
+                    .for_each(|p| self.offer(p));
+            }
+        }
+        self.paths.sort_unstable_by_key(|p| p.0);
+        self.beside.extend(self.paths.iter().map(|p| (p.0, p.4)));
+        self.degrees.push(self.paths.len() as u32);
+        self.extents.push(extent);
+    }
+
+    /// Keeps a path if it is the best to where it leads: the shortest, of equals the one over the first edge.
+    fn offer(&mut self, path: Path) {
+        let order = |p: &Path, q: &Path| p.1.total_cmp(&q.1).then((p.2, p.3).cmp(&(q.2, q.3)));
+        match self.paths.iter_mut().find(|p| p.0 == path.0) {
+            None => self.paths.push(path),
+            Some(known) if order(&path, known).is_lt() => *known = path,
+            Some(_) => {}
         }
     }
-    paths.sort_unstable_by(|p, q| p.0.cmp(&q.0).then(p.1.total_cmp(&q.1)).then((p.2, p.3).cmp(&(q.2, q.3))));
-    paths.dedup_by_key(|p| p.0);
-    laid.beside.extend(paths.iter().map(|p| (p.0, p.4)));
-    laid.degrees.push(paths.len() as u32);
-    laid.extents.push(extent);
 }
 
 /// A path to another site: that site, the path's length, the ends in order of the edge that leads over, the offset.
@@ -308,11 +321,11 @@ type Path = (u32, f64, u32, u32, Vec2);
 /// another.
 fn path(net: Net, site: u32, v: u32, h: usize, nearest: &[Nearest]) -> Option<Path> {
     let w = net.topology.target(h);
-    let (from, to, d) = (nearest[v as usize], nearest[w as usize], net.offsets[h]);
+    let (from, to, d) = (&nearest[v as usize], &nearest[w as usize], net.offsets[h]);
     if to.site == site {
         return None;
     }
-    let length = (from.distance + to.distance) + d.length();
+    let length = (from.distance + to.distance) + net.lengths[h];
     let offset = if net.turned {
         // What leads from `w` to its site, turned into the frame of `w`, then into ours.
         let back = quarters(-to.at, 4 - to.turns);
