@@ -39,15 +39,12 @@ pub fn singularities(
         if i < j { forward(i, j) } else { -forward(j, i) }
     };
     let areas = turning_areas(mesh, topo, normals);
-    let mut found = vec![];
-    for (f, &[a, b, c]) in mesh.faces.iter().enumerate() {
+    let indices = par::map(mesh.faces.len(), |f| {
+        let [a, b, c] = mesh.faces[f];
         let turns = (turn(a, b) + turn(b, c) + turn(c, a) + f64::from(n) * areas[f]) / TAU;
-        let index = turns.round() / f64::from(n);
-        if index != 0.0 {
-            found.push((f as u32, index));
-        }
-    }
-    found
+        turns.round() / f64::from(n)
+    });
+    (0..).zip(indices).filter(|&(_, index)| index != 0.0).collect()
 }
 
 /// By how much transport around each face turns a vector: the area that its normals enclose on the sphere, of the values
@@ -105,23 +102,23 @@ pub fn singular_points(mesh: &TriMesh, found: &[(u32, f64)]) -> Vec<Singularity>
 /// Each face's share of its vertices' angle defects, by its share of their angles. Vertices whose faces do not close up
 /// have none.
 fn face_curvatures(mesh: &TriMesh, topo: &Topology) -> Vec<f64> {
-    let angles = |f: usize| -> [f64; 3] {
+    let angles: Vec<[f64; 3]> = par::map(mesh.faces.len(), |f| {
         let p = mesh.corners(f);
         std::array::from_fn(|k| {
             let (a, b) = (p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]);
             det::atan2(a.cross(b).length(), a.dot(b))
         })
-    };
+    });
     let mut sum = vec![0.0; topo.vertex_count()];
-    for (f, face) in mesh.faces.iter().enumerate() {
-        face.iter().zip(angles(f)).for_each(|(&v, a)| sum[v as usize] += a);
+    for (face, angles) in mesh.faces.iter().zip(&angles) {
+        face.iter().zip(angles).for_each(|(&v, a)| sum[v as usize] += a);
     }
     let per_angle = |v: u32| {
         let closed = topo.faces(v).len() == topo.neighbours(v).len() && sum[v as usize] > 0.0;
         if closed { TAU / sum[v as usize] - 1.0 } else { 0.0 }
     };
-    let of = |f: usize| mesh.faces[f].iter().zip(angles(f)).map(|(&v, a)| a * per_angle(v)).sum();
-    (0..mesh.faces.len()).map(of).collect()
+    let of = |f: usize| mesh.faces[f].iter().zip(angles[f]).map(|(&v, a)| a * per_angle(v)).sum();
+    par::map(mesh.faces.len(), of)
 }
 
 /// Signed area of the spherical triangle of three unit vectors (Van Oosterom, Strackee 1983).
