@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 
 use super::Symmetry;
 use super::tangent::{frames, transports};
-use crate::mesh::{Topology, TriMesh};
+use crate::mesh::{Excerpt, Topology, TriMesh};
 use crate::numerics::csr::Complex;
 use crate::numerics::vec::Vec3;
 use crate::numerics::{det, par};
@@ -45,6 +45,26 @@ pub fn singularities(
         turns.round() / f64::from(n)
     });
     (0..).zip(indices).filter(|&(_, index)| index != 0.0).collect()
+}
+
+/// What [`singularities`] finds where the field differs at the vertices `changed` (ascending) only, from what it found
+/// `before`: looks at their faces alone.
+pub fn singularities_again(
+    (mesh, topo, normals): (&TriMesh, &Topology, &[Vec3]),
+    up: &[Vec3],
+    symmetry: Symmetry,
+    changed: &[u32],
+    before: &[(u32, f64)],
+) -> Vec<(u32, f64)> {
+    let differs = |f: u32| mesh.faces[f as usize].iter().any(|v| changed.binary_search(v).is_ok());
+    // With all faces at the corners of those that differ: these have the angles around them.
+    let corners = Excerpt::new(mesh, topo, changed).vertices;
+    let piece = Excerpt::new(mesh, topo, &corners);
+    let again = singularities(&piece.mesh, &piece.topo, &piece.of(normals), &piece.of(up), symmetry);
+    let again = again.into_iter().map(|(f, index)| (piece.faces[f as usize], index)).filter(|&(f, _)| differs(f));
+    let mut found: Vec<_> = before.iter().copied().filter(|&(f, _)| !differs(f)).chain(again).collect();
+    found.sort_unstable_by_key(|&(f, _)| f);
+    found
 }
 
 /// By how much transport around each face turns a vector: the area that its normals enclose on the sphere, of the values
@@ -169,6 +189,28 @@ mod tests {
         let found = singularities(&m, &topo, &normals, &up, Symmetry::Four);
         assert_eq!(found.len(), 8, "{found:?}");
         assert!(found.iter().all(|s| s.1 == 0.25));
+    }
+
+    #[test]
+    fn looking_again_around_what_changed_finds_all() {
+        for (name, m) in zoo::all() {
+            let (topo, normals) = (Topology::new(&m), m.vertex_normals());
+            let ground = (&m, &topo, &normals[..]);
+            for symmetry in [Symmetry::One, Symmetry::Four] {
+                let mut up = orientation(&m, &topo, &normals, &[], &[], &[], symmetry).unwrap();
+                let before = singularities(&m, &topo, &normals, &up, symmetry);
+                // Turned by angles that have nothing to do with each other.
+                let changed: Vec<u32> = (0..up.len() as u32).filter(|v| v % 7 < 2).collect();
+                for &v in &changed {
+                    let (u, n) = (up[v as usize], normals[v as usize]);
+                    let (s, c) = det::sin_cos(f64::from(v) * 2.5);
+                    up[v as usize] = u * c + n.cross(u) * s;
+                }
+                let again = singularities_again(ground, &up, symmetry, &changed, &before);
+                assert_eq!(again, singularities(&m, &topo, &normals, &up, symmetry), "{name} {symmetry:?}");
+                assert!(name != "icosphere" || again != before, "{symmetry:?}");
+            }
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! its field, and the rest keeps its coordinates.
 
 use crate::build::{Inputs, Step, StepError, Visitor};
-use crate::field::{Laid, ScalarConstraint, components_without, singularities};
+use crate::field::{Laid, ScalarConstraint, components_without};
 use crate::io::artefact::{Artefact, Damaged, Reader, Writer};
 use crate::mesh::Topology;
 use crate::numerics::csr::complex;
@@ -183,10 +183,8 @@ impl Step for PlaceInTile {
 /// Where coordinates are not valid on a mesh with a field.
 pub(super) fn places(prepared: &Prepared, laid: &Laid, coordinates: &Parametrization) -> Vec<Singularity> {
     let mesh = &prepared.mesh.mesh;
-    let (topo, normals) = (Topology::new(mesh), mesh.vertex_normals());
-    let turning = singularities(mesh, &topo, &normals, &laid.field.up, laid.symmetry);
-    let faces: Vec<u32> = turning.iter().map(|f| f.0).collect();
-    singular_places(mesh, &topo, &coordinates.faults, &faces)
+    let faces: Vec<u32> = laid.turning.iter().map(|f| f.0).collect();
+    singular_places(mesh, &Topology::new(mesh), &coordinates.faults, &faces)
 }
 
 #[cfg(test)]
