@@ -171,8 +171,7 @@ pub fn orientation_in_areas(
     }
     let before = piece.of(up);
     let mut z = par::map(before.len(), |v| base.frames[v].complex(before[v]).power(n));
-    let crosses =
-        (!align.is_empty()).then(|| crosses(&piece.mesh, &piece.topo, &base.frames, align, &base.lengths()));
+    let crosses = (!align.is_empty()).then(|| crosses(&piece.mesh, &piece.topo, &base.frames, align, &base.lengths()));
     base.relax_areas(&pins, crosses.as_deref(), &mut z);
     for (v, &there) in piece.vertices.iter().enumerate().filter(|(_, v)| inside.binary_search(v).is_ok()) {
         let Some(power) = z[v].unit() else { continue };

@@ -45,7 +45,8 @@ impl Parametrization {
         let mut guide = inner.guide();
         // Between two locked vertices all stays as it was.
         let is_open: Vec<bool> = area.piece.vertices.iter().map(|v| open.binary_search(v).is_ok()).collect();
-        let global = |v: u32, n: u32| wanted.topo.find(area.piece.vertices[v as usize], area.piece.vertices[n as usize]);
+        let global =
+            |v: u32, n: u32| wanted.topo.find(area.piece.vertices[v as usize], area.piece.vertices[n as usize]);
         let mut edges = vec![];
         for v in 0..area.piece.vertices.len() as u32 {
             for h in area.piece.topo.half_edges(v) {
