@@ -48,7 +48,7 @@ fn inspect_lists_the_singularities_of_a_field_and_of_its_bake() {
     let poles = "singularities = [{ at = [0, 1, 0], kind = \"sink\" }, { at = [0, -1, 0], index = 1 }]";
     let (project, ran) = bake(poles, "");
     ran.expect(0);
-    let is_field = |f: &&String| project.read(f).starts_with(b"kilnfld2");
+    let is_field = |f: &&String| project.read(f).starts_with(b"kilnfld3");
     let files = project.files(".kiln/cache/blobs");
     let field = files.iter().find(is_field).expect("a field in the cache");
     for facts in [json(&project, field), json(&project, "out/one/one.uvsets.glb")] {

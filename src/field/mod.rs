@@ -25,7 +25,7 @@ pub use orientation::{
 };
 pub(crate) use relax::cotangent_weights;
 pub use scalar::{Elsewhere, ScalarConstraint, components_without, interpolate, scale};
-pub use singularity::{Singularity, singular_points, singularities};
+pub use singularity::{Singularity, singular_points, singularities, singularities_again};
 
 /// The orientation and scale of the sample at each vertex (`[ZG03]` section 3).
 #[derive(Clone, Debug, PartialEq)]
@@ -45,6 +45,8 @@ pub struct Laid {
     pub normals: Vec<Vec3>,
     /// After which turns the sample looks the same.
     pub symmetry: Symmetry,
+    /// The faces around which the orientation turns, and their indices, as [`singularities`] finds them.
+    pub turning: Vec<(u32, f64)>,
     /// Where the orientation has no direction.
     pub singularities: Vec<Singularity>,
     /// The mesh's Euler characteristic if all its edges have two faces that agree on the outside: what the indices of the

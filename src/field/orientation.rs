@@ -20,7 +20,7 @@ use super::relax::{Coupling, Guide, Pin, cotangent_weights, disc, relax};
 use super::singularity::turning_areas;
 use super::tangent::{Frame, frames, transports};
 use super::{Error, Symmetry, Which, site};
-use crate::mesh::{Topology, TriMesh, check};
+use crate::mesh::{Excerpt, Topology, TriMesh, check};
 use crate::numerics::csr::{Complex, complex};
 use crate::numerics::vec::{Vec3, vec3};
 use crate::numerics::{det, par};
@@ -108,10 +108,10 @@ pub fn orientation(
 ) -> Result<Vec<Vec3>, Error> {
     assert_eq!((normals.len(), topo.vertex_count()), (mesh.positions.len(), mesh.positions.len()));
     let n = symmetry.directions();
-    let base = Base::new(mesh, topo, normals, n);
+    let base = Base::new((mesh, topo, normals), n, components(mesh, topo));
     let sites = sites(mesh, anchors, singularities)?;
     let asked = asked(singularities, &sites, n)?;
-    let (shapes, sides) = shapes(mesh, topo, (&base.labels, base.components), &asked)?;
+    let (shapes, sides) = shapes(mesh, topo, (&base.labels, base.diagonals.len()), &asked)?;
     let pins = base.pins(anchors, singularities, &sites, &shapes)?;
     let z = if symmetry == Symmetry::Isotropic {
         base.evened()
@@ -153,27 +153,30 @@ pub fn orientation_in_areas(
     let n = symmetry.directions();
     let anchors: Vec<_> = anchors.iter().filter(|a| a.radius.is_some()).copied().collect();
     let singularities: Vec<_> = singularities.iter().filter(|s| s.radius.is_some()).copied().collect();
-    let base = Base::new(mesh, topo, normals, n);
-    let sites = sites(mesh, &anchors, &singularities)?;
-    let asked = asked(&singularities, &sites, n)?;
-    let (shapes, _) = shapes(mesh, topo, (&base.labels, base.components), &asked)?;
-    let pins = base.pins(&anchors, &singularities, &sites, &shapes)?;
+    let mut sites = sites(mesh, &anchors, &singularities)?;
+    asked(&singularities, &sites, n)?;
+    let reached = sites.iter().filter_map(|s| Some(site::reach(mesh, topo, s.vertex, s.radius?)));
+    let inside: BTreeSet<u32> = reached.flatten().map(|r| r.vertex).collect();
+    let inside: Vec<u32> = inside.into_iter().collect();
+    // All that counts lies around these vertices.
+    let piece = Excerpt::new(mesh, topo, &inside);
+    let (labels, diagonals) = components(mesh, topo);
+    let normals = piece.of(normals);
+    let base = Base::new((&piece.mesh, &piece.topo, &normals), n, (piece.of(&labels), diagonals));
+    sites.iter_mut().for_each(|s| s.vertex = piece.own(s.vertex).unwrap_or_default());
+    let pins = base.pins(&anchors, &singularities, &sites, &[])?;
     let mut out = up.to_vec();
     if symmetry == Symmetry::Isotropic {
         return Ok(out);
     }
-    let mut z = par::map(up.len(), |v| base.frames[v].complex(up[v]).power(n));
-    let crosses = (!align.is_empty()).then(|| crosses(mesh, topo, &base.frames, align, &base.lengths()));
+    let before = piece.of(up);
+    let mut z = par::map(before.len(), |v| base.frames[v].complex(before[v]).power(n));
+    let crosses = (!align.is_empty()).then(|| crosses(&piece.mesh, &piece.topo, &base.frames, align, &base.lengths()));
     base.relax_areas(&pins, crosses.as_deref(), &mut z);
-    let inside: BTreeSet<u32> = sites
-        .iter()
-        .filter_map(|s| Some(site::reach(mesh, topo, s.vertex, s.radius?)))
-        .flat_map(|reached| reached.into_iter().map(|r| r.vertex))
-        .collect();
-    for v in inside.into_iter().map(|v| v as usize) {
+    for (v, &there) in piece.vertices.iter().enumerate().filter(|(_, v)| inside.binary_search(v).is_ok()) {
         let Some(power) = z[v].unit() else { continue };
-        let turned = base.frames[v].vector(root(power, n, base.frames[v].complex(up[v])));
-        out[v] = turned.normalized().unwrap_or(up[v]);
+        let turned = base.frames[v].vector(root(power, n, base.frames[v].complex(before[v])));
+        out[there as usize] = turned.normalized().unwrap_or(before[v]);
     }
     Ok(out)
 }
@@ -203,8 +206,8 @@ struct Base<'a> {
     frames: Vec<Frame>,
     /// Transports are n-th powers.
     coupling: Coupling,
+    /// The component of each vertex.
     labels: Vec<u32>,
-    components: usize,
     /// Of each component.
     diagonals: Vec<f64>,
     /// Third of the area of each vertex's faces.
@@ -213,20 +216,23 @@ struct Base<'a> {
 }
 
 impl<'a> Base<'a> {
-    fn new(mesh: &'a TriMesh, topo: &'a Topology, normals: &'a [Vec3], n: u32) -> Self {
+    /// `labels` and `diagonals` are those of [`components`], where `mesh` is a piece of another those of the whole.
+    fn new(
+        (mesh, topo, normals): (&'a TriMesh, &'a Topology, &'a [Vec3]),
+        n: u32,
+        (labels, diagonals): (Vec<u32>, Vec<f64>),
+    ) -> Self {
         let frames = frames(normals);
         let carry = transports(mesh, topo, normals, &frames);
         let transport = par::map(carry.len(), |h| carry[h].power(n));
         let coupling = Coupling { weights: cotangent_weights(mesh, topo), transport };
-        let (labels, components) = check::components(topo);
         let mut areas = vec![0.0; mesh.positions.len()];
         for (f, face) in mesh.faces.iter().enumerate() {
             let third = mesh.area(f) / 3.0;
             face.iter().for_each(|&v| areas[v as usize] += third);
         }
-        let diagonals = diagonals(mesh, &labels, components);
         let defaults = par::map(normals.len(), |v| default_up(normals[v]));
-        Base { mesh, topo, normals, n, frames, coupling, labels, components, diagonals, areas, defaults }
+        Base { mesh, topo, normals, n, frames, coupling, labels, diagonals, areas, defaults }
     }
 
     /// The vertices that each constraint holds.
@@ -321,7 +327,7 @@ impl<'a> Base<'a> {
 
     /// The default where a whole component follows it, and the weak one under anchors.
     fn guides(&self, pins: &[Pin]) -> [Vec<Guide>; 2] {
-        let mut anchored = vec![false; self.components];
+        let mut anchored = vec![false; self.diagonals.len()];
         pins.iter()
             .filter(|p| p.site.radius.is_none() && !p.held.is_empty())
             .for_each(|p| anchored[self.labels[p.site.vertex as usize] as usize] = true);
@@ -384,7 +390,7 @@ impl<'a> Base<'a> {
         z: &mut [Complex],
     ) {
         let turns = ground.turns(asked);
-        let mut done = vec![false; self.components];
+        let mut done = vec![false; self.diagonals.len()];
         for root in 0..z.len() as u32 {
             let l = self.labels[root as usize] as usize;
             let laid = matches!(shapes[l], Shape::Closed(_) | Shape::Open);
@@ -498,15 +504,17 @@ fn root(power: Complex, n: u32, preferred: Complex) -> Complex {
     best
 }
 
-/// Diagonal of the bounding box of each component.
-fn diagonals(mesh: &TriMesh, labels: &[u32], count: usize) -> Vec<f64> {
+/// The component of each vertex, and the diagonal of the bounding box of each component.
+fn components(mesh: &TriMesh, topo: &Topology) -> (Vec<u32>, Vec<f64>) {
+    let (labels, count) = check::components(topo);
     let mut bounds = vec![None; count];
     for (v, p) in mesh.positions.iter().enumerate() {
         let (low, high): &mut (Vec3, Vec3) = bounds[labels[v] as usize].get_or_insert((*p, *p));
         *low = vec3(low.x.min(p.x), low.y.min(p.y), low.z.min(p.z));
         *high = vec3(high.x.max(p.x), high.y.max(p.y), high.z.max(p.z));
     }
-    bounds.iter().map(|b| b.map_or(0.0, |(low, high)| (high - low).length())).collect()
+    let diagonals = bounds.iter().map(|b| b.map_or(0.0, |(low, high)| (high - low).length())).collect();
+    (labels, diagonals)
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 
 use super::Symmetry;
 use super::tangent::{frames, transports};
-use crate::mesh::{Topology, TriMesh};
+use crate::mesh::{Excerpt, Topology, TriMesh};
 use crate::numerics::csr::Complex;
 use crate::numerics::vec::Vec3;
 use crate::numerics::{det, par};
@@ -39,14 +39,31 @@ pub fn singularities(
         if i < j { forward(i, j) } else { -forward(j, i) }
     };
     let areas = turning_areas(mesh, topo, normals);
-    let mut found = vec![];
-    for (f, &[a, b, c]) in mesh.faces.iter().enumerate() {
+    let indices = par::map(mesh.faces.len(), |f| {
+        let [a, b, c] = mesh.faces[f];
         let turns = (turn(a, b) + turn(b, c) + turn(c, a) + f64::from(n) * areas[f]) / TAU;
-        let index = turns.round() / f64::from(n);
-        if index != 0.0 {
-            found.push((f as u32, index));
-        }
-    }
+        turns.round() / f64::from(n)
+    });
+    (0..).zip(indices).filter(|&(_, index)| index != 0.0).collect()
+}
+
+/// What [`singularities`] finds where the field differs at the vertices `changed` (ascending) only, from what it found
+/// `before`: looks at their faces alone.
+pub fn singularities_again(
+    (mesh, topo, normals): (&TriMesh, &Topology, &[Vec3]),
+    up: &[Vec3],
+    symmetry: Symmetry,
+    changed: &[u32],
+    before: &[(u32, f64)],
+) -> Vec<(u32, f64)> {
+    let differs = |f: u32| mesh.faces[f as usize].iter().any(|v| changed.binary_search(v).is_ok());
+    // With all faces at the corners of those that differ: these have the angles around them.
+    let corners = Excerpt::new(mesh, topo, changed).vertices;
+    let piece = Excerpt::new(mesh, topo, &corners);
+    let again = singularities(&piece.mesh, &piece.topo, &piece.of(normals), &piece.of(up), symmetry);
+    let again = again.into_iter().map(|(f, index)| (piece.faces[f as usize], index)).filter(|&(f, _)| differs(f));
+    let mut found: Vec<_> = before.iter().copied().filter(|&(f, _)| !differs(f)).chain(again).collect();
+    found.sort_unstable_by_key(|&(f, _)| f);
     found
 }
 
@@ -105,23 +122,23 @@ pub fn singular_points(mesh: &TriMesh, found: &[(u32, f64)]) -> Vec<Singularity>
 /// Each face's share of its vertices' angle defects, by its share of their angles. Vertices whose faces do not close up
 /// have none.
 fn face_curvatures(mesh: &TriMesh, topo: &Topology) -> Vec<f64> {
-    let angles = |f: usize| -> [f64; 3] {
+    let angles: Vec<[f64; 3]> = par::map(mesh.faces.len(), |f| {
         let p = mesh.corners(f);
         std::array::from_fn(|k| {
             let (a, b) = (p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]);
             det::atan2(a.cross(b).length(), a.dot(b))
         })
-    };
+    });
     let mut sum = vec![0.0; topo.vertex_count()];
-    for (f, face) in mesh.faces.iter().enumerate() {
-        face.iter().zip(angles(f)).for_each(|(&v, a)| sum[v as usize] += a);
+    for (face, angles) in mesh.faces.iter().zip(&angles) {
+        face.iter().zip(angles).for_each(|(&v, a)| sum[v as usize] += a);
     }
     let per_angle = |v: u32| {
         let closed = topo.faces(v).len() == topo.neighbours(v).len() && sum[v as usize] > 0.0;
         if closed { TAU / sum[v as usize] - 1.0 } else { 0.0 }
     };
-    let of = |f: usize| mesh.faces[f].iter().zip(angles(f)).map(|(&v, a)| a * per_angle(v)).sum();
-    (0..mesh.faces.len()).map(of).collect()
+    let of = |f: usize| mesh.faces[f].iter().zip(angles[f]).map(|(&v, a)| a * per_angle(v)).sum();
+    par::map(mesh.faces.len(), of)
 }
 
 /// Signed area of the spherical triangle of three unit vectors (Van Oosterom, Strackee 1983).
@@ -172,6 +189,28 @@ mod tests {
         let found = singularities(&m, &topo, &normals, &up, Symmetry::Four);
         assert_eq!(found.len(), 8, "{found:?}");
         assert!(found.iter().all(|s| s.1 == 0.25));
+    }
+
+    #[test]
+    fn looking_again_around_what_changed_finds_all() {
+        for (name, m) in zoo::all() {
+            let (topo, normals) = (Topology::new(&m), m.vertex_normals());
+            let ground = (&m, &topo, &normals[..]);
+            for symmetry in [Symmetry::One, Symmetry::Four] {
+                let mut up = orientation(&m, &topo, &normals, &[], &[], &[], symmetry).unwrap();
+                let before = singularities(&m, &topo, &normals, &up, symmetry);
+                // Turned by angles that have nothing to do with each other.
+                let changed: Vec<u32> = (0..up.len() as u32).filter(|v| v % 7 < 2).collect();
+                for &v in &changed {
+                    let (u, n) = (up[v as usize], normals[v as usize]);
+                    let (s, c) = det::sin_cos(f64::from(v) * 2.5);
+                    up[v as usize] = u * c + n.cross(u) * s;
+                }
+                let again = singularities_again(ground, &up, symmetry, &changed, &before);
+                assert_eq!(again, singularities(&m, &topo, &normals, &up, symmetry), "{name} {symmetry:?}");
+                assert!(name != "icosphere" || again != before, "{symmetry:?}");
+            }
+        }
     }
 
     #[test]

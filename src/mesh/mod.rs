@@ -3,6 +3,7 @@
 //! Winding is counter-clockwise seen from outside. An edge vector of (i, j) points from i to j.
 
 pub mod check;
+mod excerpt;
 pub mod nearest;
 mod prepare;
 mod sheets;
@@ -14,6 +15,7 @@ mod weld;
 #[cfg(test)]
 pub(crate) mod zoo;
 
+pub(crate) use excerpt::Excerpt;
 pub use prepare::{Error, PrepareParams, prepare};
 pub use surface::{Part, Surface, SynthesisMesh};
 pub use topology::Topology;

@@ -10,7 +10,7 @@
 use super::guide::{Guide, Wanted};
 use super::{Error, Fault, Parametrization, check, periodic, recover, singular, solve};
 use crate::field::{Field, Symmetry};
-use crate::mesh::{Topology, TriMesh};
+use crate::mesh::{Excerpt, Topology, TriMesh};
 use crate::numerics::vec::Vec3;
 
 impl Parametrization {
@@ -44,12 +44,13 @@ impl Parametrization {
         let inner = area.wanted(wanted);
         let mut guide = inner.guide();
         // Between two locked vertices all stays as it was.
-        let is_open: Vec<bool> = area.vertices.iter().map(|v| open.binary_search(v).is_ok()).collect();
-        let global = |v: u32, n: u32| wanted.topo.find(area.vertices[v as usize], area.vertices[n as usize]);
+        let is_open: Vec<bool> = area.piece.vertices.iter().map(|v| open.binary_search(v).is_ok()).collect();
+        let global =
+            |v: u32, n: u32| wanted.topo.find(area.piece.vertices[v as usize], area.piece.vertices[n as usize]);
         let mut edges = vec![];
-        for v in 0..area.vertices.len() as u32 {
-            for h in area.topo.half_edges(v) {
-                let n = area.topo.target(h);
+        for v in 0..area.piece.vertices.len() as u32 {
+            for h in area.piece.topo.half_edges(v) {
+                let n = area.piece.topo.target(h);
                 let Some(there) = global(v, n) else { continue };
                 let free = is_open[v as usize] || is_open[n as usize];
                 edges.push((h, there, free));
@@ -59,7 +60,7 @@ impl Parametrization {
             }
         }
         edges.iter().filter(|e| e.2).for_each(|&(h, there, _)| self.steps[there] = guide.steps[h]);
-        let mut phases: Vec<_> = area.vertices.iter().map(|&v| self.phases[v as usize]).collect();
+        let mut phases = area.piece.of(&self.phases);
         let inside: Vec<u32> = (0..).zip(&is_open).filter(|(_, open)| **open).map(|(v, _)| v).collect();
         let bounded = is_open.contains(&false);
         // A component that is open as a whole keeps its first vertex, as it did at first.
@@ -77,19 +78,19 @@ impl Parametrization {
         phases: Vec<periodic::Phases>,
     ) {
         for &v in inside {
-            let there = area.vertices[v as usize] as usize;
+            let there = area.piece.vertices[v as usize] as usize;
             self.phases[there] = phases[v as usize];
             self.at[there] = recover::periods(&phases[v as usize]);
         }
-        let at: Vec<_> = area.vertices.iter().map(|&v| self.at[v as usize]).collect();
-        let changes = recover::changes(guide, &area.topo, &at);
-        for (f, &face) in area.mesh.faces.iter().enumerate() {
-            let there = area.faces[f] as usize;
-            let (corners, around) = recover::corners(guide, &area.topo, &at, &changes, face);
+        let at = area.piece.of(&self.at);
+        let changes = recover::changes(guide, &area.piece.topo, &at);
+        for (f, &face) in area.piece.mesh.faces.iter().enumerate() {
+            let there = area.piece.faces[f] as usize;
+            let (corners, around) = recover::corners(guide, &area.piece.topo, &at, &changes, face);
             self.faults[there] = Fault { distorted: singular::distorted(wanted, there, &corners), around };
             self.corners[there] = corners;
         }
-        for &v in &area.vertices {
+        for &v in &area.piece.vertices {
             self.invalid[v as usize] = wanted.topo.faces(v).iter().any(|&f| !self.faults[f as usize].none());
         }
     }
@@ -120,47 +121,22 @@ fn groups(topo: &Topology, open: &[u32]) -> Vec<Vec<u32>> {
     groups
 }
 
-/// The faces around some vertices as a mesh of its own.
+/// The faces around some vertices as a mesh of its own, with its field.
 struct Area {
-    mesh: TriMesh,
-    topo: Topology,
+    piece: Excerpt,
     normals: Vec<Vec3>,
     field: Field,
-    /// Its vertices and faces in the whole mesh, ascending.
-    vertices: Vec<u32>,
-    faces: Vec<u32>,
 }
 
 impl Area {
     fn new(wanted: &Wanted<'_>, open: &[u32]) -> Self {
-        let mut faces: Vec<u32> = open.iter().flat_map(|&v| wanted.topo.faces(v)).copied().collect();
-        faces.sort_unstable();
-        faces.dedup();
-        let corners = |&f: &u32| wanted.mesh.faces[f as usize];
-        let mut vertices: Vec<u32> = faces.iter().flat_map(corners).chain(open.iter().copied()).collect();
-        vertices.sort_unstable();
-        vertices.dedup();
-        let own = |v: u32| vertices.partition_point(|&u| u < v) as u32;
-        let mesh = TriMesh {
-            positions: vertices.iter().map(|&v| wanted.mesh.positions[v as usize]).collect(),
-            faces: faces.iter().map(|f| corners(f).map(own)).collect(),
-        };
-        let (up, scale) = (&wanted.field.up, &wanted.field.scale);
-        Area {
-            topo: Topology::new(&mesh),
-            normals: vertices.iter().map(|&v| wanted.normals[v as usize]).collect(),
-            field: Field {
-                up: vertices.iter().map(|&v| up[v as usize]).collect(),
-                scale: vertices.iter().map(|&v| scale[v as usize]).collect(),
-            },
-            mesh,
-            vertices,
-            faces,
-        }
+        let piece = Excerpt::new(wanted.mesh, wanted.topo, open);
+        let field = Field { up: piece.of(&wanted.field.up), scale: piece.of(&wanted.field.scale) };
+        Area { normals: piece.of(wanted.normals), field, piece }
     }
 
     fn wanted<'a>(&'a self, whole: &Wanted<'_>) -> Wanted<'a> {
-        let Area { mesh, topo, normals, field, .. } = self;
+        let Area { piece: Excerpt { mesh, topo, .. }, normals, field } = self;
         Wanted { mesh, topo, normals, field, symmetry: whole.symmetry, tile: whole.tile }
     }
 }

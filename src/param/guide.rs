@@ -61,6 +61,9 @@ impl Guide {
 impl Wanted<'_> {
     /// Quarter turns that bring the frame of `j` nearest to that of `i`, among those that the symmetry allows.
     pub fn quarters(&self, i: u32, j: u32) -> u8 {
+        if self.symmetry.directions() == 1 {
+            return 0;
+        }
         let (low, high) = (i.min(j) as usize, i.max(j) as usize);
         let step = 4 / self.symmetry.directions() as u8;
         let (to, to_right) = (self.field.up[low], self.field.up[low].cross(self.normals[low]));

@@ -18,7 +18,7 @@ use crate::numerics::cg::{self, Stop};
 use crate::numerics::csr::{Complex, Csr, complex};
 use crate::numerics::multigrid::Multigrid;
 use crate::numerics::par;
-use crate::numerics::vec::{Vec2, vec2};
+use crate::numerics::vec::{Vec2, Vec3, vec2};
 
 /// Rounds, each with its weights. Of armadillo at 20 periods to the diagonal none leaves 10.7 % of triangles with three
 /// look-ups, rounds without weights 10.6 %, these 9.0 %.
@@ -39,9 +39,10 @@ pub(super) fn settle(wanted: &Wanted<'_>, guide: &Guide, open: &[u32], z: &mut [
     let mut row = vec![u32::MAX; z.len()];
     open.iter().enumerate().for_each(|(i, &v)| row[v as usize] = i as u32);
     let mut at: Vec<Vec2> = par::map(z.len(), |v| recover::periods(&z[v]));
+    let gradients = par::map(wanted.mesh.faces.len(), |f| wanted.gradients(f, wanted.mesh.faces[f][0]));
     for _ in 0..ROUNDS {
         let changes = recover::changes(guide, wanted.topo, &at);
-        let weights = weights(wanted, guide, &at, &changes);
+        let weights = weights(wanted, guide, &gradients, &at, &changes);
         let right = par::map(open.len(), |i| {
             let half_edges = wanted.topo.half_edges(open[i]);
             let rest = half_edges.fold(Vec2::ZERO, |sum, h| sum + (changes[h] - guide.steps[h]) * weights[h]);
@@ -58,12 +59,13 @@ pub(super) fn settle(wanted: &Wanted<'_>, guide: &Guide, open: &[u32], z: &mut [
     open.iter().for_each(|&v| z[v as usize] = [turn(at[v as usize].x), turn(at[v as usize].y)]);
 }
 
-/// Weights of edges: their cotangent weights times the mean weight of their triangles.
-fn weights(wanted: &Wanted<'_>, guide: &Guide, at: &[Vec2], changes: &[Vec2]) -> Vec<f64> {
+/// Weights of edges: their cotangent weights times the mean weight of their triangles, which have wanted `gradients` in
+/// the frames of their first corners.
+fn weights(wanted: &Wanted<'_>, guide: &Guide, gradients: &[[Vec3; 2]], at: &[Vec2], changes: &[Vec2]) -> Vec<f64> {
     let (mesh, topo) = (wanted.mesh, wanted.topo);
     let faces = par::map(mesh.faces.len(), |f| {
         let (corners, _) = recover::corners(guide, topo, at, changes, mesh.faces[f]);
-        let off = singular::off(wanted, f, &corners);
+        let off = singular::off(mesh, f, &gradients[f], &corners);
         if off > GIVEN_UP { LEFT } else { (off + LEAST).sqrt() }
     });
     let of = |v: u32, h: usize| {

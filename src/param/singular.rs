@@ -36,13 +36,13 @@ impl Fault {
 
 /// Whether the gradient of s or t on a face is beyond the bound. `at`: coordinates in the frame of its first corner.
 pub(super) fn distorted(wanted: &Wanted<'_>, face: usize, at: &[Vec2; 3]) -> bool {
-    off(wanted, face, at) > DISTORTED
+    off(wanted.mesh, face, &wanted.gradients(face, wanted.mesh.faces[face][0]), at) > DISTORTED
 }
 
 /// How far the gradients of s and t on a face are from the wanted ones: the square of the greater difference, as a share
 /// of the wanted one's.
-pub(super) fn off(wanted: &Wanted<'_>, face: usize, at: &[Vec2; 3]) -> f64 {
-    let [a, b, c] = wanted.mesh.corners(face);
+pub(super) fn off(mesh: &TriMesh, face: usize, wanted: &[Vec3; 2], at: &[Vec2; 3]) -> f64 {
+    let [a, b, c] = mesh.corners(face);
     let (e, f) = (b - a, c - a);
     let normal = e.cross(f);
     let double_area2 = normal.dot(normal);
@@ -50,9 +50,8 @@ pub(super) fn off(wanted: &Wanted<'_>, face: usize, at: &[Vec2; 3]) -> f64 {
         // A face without area has no gradients, and shows nothing.
         return 0.0;
     }
-    let gradients = wanted.gradients(face, wanted.mesh.faces[face][0]);
     let (p, q) = (at[1] - at[0], at[2] - at[0]);
-    let off = gradients.iter().zip([(p.x, q.x), (p.y, q.y)]).map(|(g, (along_e, along_f))| {
+    let off = wanted.iter().zip([(p.x, q.x), (p.y, q.y)]).map(|(g, (along_e, along_f))| {
         // What the coordinate has beyond the wanted gradient, linear over the face: its gradient.
         let (u, v) = (along_e - g.dot(e), along_f - g.dot(f));
         let beyond = (f.cross(normal) * u + normal.cross(e) * v) / double_area2;

@@ -39,13 +39,13 @@ impl Step for LayField {
         let (anchors, singular) = (&self.orientation, &self.singularities);
         let up = field::orientation(mesh, &topology, &normals, anchors, singular, &self.align, self.symmetry)?;
         let scale = field::scale(mesh, &topology, ground.scale, &self.scale)?;
-        let found = field::singularities(mesh, &topology, &normals, &up, self.symmetry);
-        let singularities = field::singular_points(mesh, &found);
+        let turning = field::singularities(mesh, &topology, &normals, &up, self.symmetry);
+        let singularities = field::singular_points(mesh, &turning);
         let closed = census(mesh, &topology);
         let euler =
             (closed.boundary_edges + closed.non_manifold_edges + closed.flipped_edges == 0).then_some(closed.euler);
         let field = Field { up, scale };
-        Ok(Laid { field, normals, symmetry: self.symmetry, singularities, euler }.to_bytes())
+        Ok(Laid { field, normals, symmetry: self.symmetry, turning, singularities, euler }.to_bytes())
     }
 }
 
@@ -77,10 +77,11 @@ impl Step for LayAreas {
         let mesh = &ground.mesh;
         let (topo, normals) = (Topology::new(mesh), &before.normals);
         let (on, up) = ((mesh, &topo, &normals[..]), &before.field.up);
-        let up = field::orientation_in_areas(on, up, orientation, singularities, align, *symmetry)?;
+        let after = field::orientation_in_areas(on, up, orientation, singularities, align, *symmetry)?;
+        let changed: Vec<u32> = (0..after.len() as u32).filter(|&v| up[v as usize] != after[v as usize]).collect();
+        let turning = field::singularities_again(on, &after, *symmetry, &changed, &before.turning);
+        let singularities = field::singular_points(mesh, &turning);
         let scale = field::scale(mesh, &topo, ground.scale, scale)?;
-        let found = field::singularities(mesh, &topo, normals, &up, *symmetry);
-        let singularities = field::singular_points(mesh, &found);
-        Ok(Laid { field: Field { up, scale }, singularities, ..before }.to_bytes())
+        Ok(Laid { field: Field { up: after, scale }, turning, singularities, ..before }.to_bytes())
     }
 }

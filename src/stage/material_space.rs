@@ -5,7 +5,7 @@
 //! its field, and the rest keeps its coordinates.
 
 use crate::build::{Inputs, Step, StepError, Visitor};
-use crate::field::{Laid, ScalarConstraint, components_without, singularities};
+use crate::field::{Laid, ScalarConstraint, components_without};
 use crate::io::artefact::{Artefact, Damaged, Reader, Writer};
 use crate::mesh::Topology;
 use crate::numerics::csr::complex;
@@ -106,9 +106,9 @@ impl Step for Parametrise {
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
         let prepared: Prepared = super::read(inputs, 0)?;
-        let Laid { field, symmetry, .. } = super::read(inputs, 1)?;
+        let Laid { field, normals, symmetry, .. } = super::read(inputs, 1)?;
         let mesh = &prepared.mesh.mesh;
-        let (topo, normals) = (Topology::new(mesh), mesh.vertex_normals());
+        let topo = Topology::new(mesh);
         Ok(param::parametrize(mesh, &topo, &normals, &field, symmetry, prepared.exemplar_size)?.to_bytes())
     }
 }
@@ -129,8 +129,8 @@ impl Step for FollowAreas {
         let mut coordinates: Parametrization = super::read(inputs, 1)?;
         let [before, after] = [super::read::<Laid>(inputs, 2)?, super::read::<Laid>(inputs, 3)?];
         let mesh = &prepared.mesh.mesh;
-        let (topo, normals) = (Topology::new(mesh), mesh.vertex_normals());
-        coordinates.follow(mesh, &topo, &normals, [&before.field, &after.field], after.symmetry)?;
+        let topo = Topology::new(mesh);
+        coordinates.follow(mesh, &topo, &after.normals, [&before.field, &after.field], after.symmetry)?;
         Ok(coordinates.to_bytes())
     }
 }
@@ -183,10 +183,8 @@ impl Step for PlaceInTile {
 /// Where coordinates are not valid on a mesh with a field.
 pub(super) fn places(prepared: &Prepared, laid: &Laid, coordinates: &Parametrization) -> Vec<Singularity> {
     let mesh = &prepared.mesh.mesh;
-    let (topo, normals) = (Topology::new(mesh), mesh.vertex_normals());
-    let turning = singularities(mesh, &topo, &normals, &laid.field.up, laid.symmetry);
-    let faces: Vec<u32> = turning.iter().map(|f| f.0).collect();
-    singular_places(mesh, &topo, &coordinates.faults, &faces)
+    let faces: Vec<u32> = laid.turning.iter().map(|f| f.0).collect();
+    singular_places(mesh, &Topology::new(mesh), &coordinates.faults, &faces)
 }
 
 #[cfg(test)]

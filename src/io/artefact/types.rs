@@ -150,6 +150,9 @@ impl Artefact for Laid {
         });
         w.put(u8::from(self.euler.is_some()));
         w.put(self.euler.unwrap_or(0));
+        let (faces, indices): (Vec<u32>, Vec<f64>) = self.turning.iter().copied().unzip();
+        w.slice(&faces);
+        w.slice(&indices);
         w.put(self.singularities.len() as u64);
         for Singularity { at, index, face } in &self.singularities {
             w.put(*at);
@@ -170,11 +173,14 @@ impl Artefact for Laid {
             n => return Err(Damaged(format!("a field of {n} directions"))),
         };
         let (is_closed, euler) = (r.get::<u8>()? != 0, r.get()?);
+        let (faces, indices): (Vec<u32>, Vec<f64>) = (r.slice()?, r.slice()?);
+        check(faces.len() == indices.len(), "one index per singular face")?;
+        let turning = faces.into_iter().zip(indices).collect();
         let mut singularities = Vec::new();
         for _ in 0..r.get::<u64>()? {
             singularities.push(Singularity { at: r.get()?, index: r.get()?, face: r.get()? });
         }
-        Ok(Laid { field, normals, symmetry, singularities, euler: is_closed.then_some(euler) })
+        Ok(Laid { field, normals, symmetry, turning, singularities, euler: is_closed.then_some(euler) })
     }
 }
 
@@ -392,7 +398,8 @@ mod tests {
         let found = Singularity { at: vec3(1.0, 2.0, 3.0), index: -0.5, face: 7 };
         let field = Field { up: vec![vec3(0.0, 1.0, 0.0)], scale: vec![2.0] };
         let normals = vec![vec3(0.0, 0.0, 1.0)];
-        let l = Laid { field, normals, symmetry: Symmetry::Two, singularities: vec![found], euler: Some(2) };
+        let (turning, singularities) = (vec![(7, -0.5)], vec![found]);
+        let l = Laid { field, normals, symmetry: Symmetry::Two, turning, singularities, euler: Some(2) };
         assert_eq!(Laid::from_bytes(&l.to_bytes()), Ok(l));
         let p = Pixels { width: 1, height: 2, channels: 1, samples: Samples::U16(vec![1, 65535]) };
         assert_eq!(Pixels::from_bytes(&p.to_bytes()), Ok(p));
