@@ -35,7 +35,7 @@ pub fn layered_sets(
     let count = if blend == Blend::Nearest { 1 } else { MAX_SETS };
     let (sets, weights) = of_faces(faces.len(), count, CONTINUES, |layers, f| {
         let [a, b, c] = faces[f].map(|v| sites.reaching(v));
-        let (mut reaching, known) = ([a.0, b.0, c.0], [a.1, b.1, c.1]);
+        let (mut reaching, mut known) = ([a.0, b.0, c.0], [a.1, b.1, c.1]);
         loop {
             // Each corner's sites are in order: the lowest of the three next.
             let next = reaching.map(|r| r.first().map_or(u32::MAX, |r| r.site));
@@ -46,14 +46,13 @@ pub fn layered_sets(
             let a = address[site as usize];
             let mut patch = Patch::new(site);
             for k in 0..3 {
-                let own = next[k] == site;
-                // Counting is quicker than to stop at the right one: that no processor foresees.
-                let before = known[k].iter().filter(|r| r.site < site).count();
-                let from = if own { reaching[k] } else { &known[k][before..] };
-                if let Some(r) = from.first().filter(|r| r.site == site) {
-                    patch.place(k, texel(a.x + r.offset[0], a.y + r.offset[1]), r.weight);
+                let from = if next[k] == site { &mut reaching[k] } else { &mut known[k] };
+                while let Some((r, rest)) = from.split_first().filter(|(r, _)| r.site <= site) {
+                    if r.site == site {
+                        patch.place(k, texel(a.x + r.offset[0], a.y + r.offset[1]), r.weight);
+                    }
+                    *from = rest;
                 }
-                reaching[k] = &reaching[k][usize::from(own)..];
             }
             layers.push(patch);
         }
@@ -126,6 +125,12 @@ impl Patch {
         self.weight[0] + self.weight[1] + self.weight[2]
     }
 
+    /// Less, the more it weighs; of equal weight the lower number first. Weights are not negative, so that their bits
+    /// are in their order.
+    fn rank(&self) -> u64 {
+        u64::from(!self.total().to_bits()) << 32 | u64::from(self.id)
+    }
+
     /// Whether `other` is within `tolerance` of it at all corners that both know.
     fn continues(&self, other: &Patch, tolerance: f32) -> bool {
         let mut far = false;
@@ -167,34 +172,14 @@ pub(super) struct Layers {
     tolerance: f32,
     patches: Vec<Patch>,
     merged: Vec<Patch>,
-    /// For [`rank`].
-    keys: Vec<u64>,
-    order: Vec<u32>,
-}
-
-/// Where in a list its patches are, from the heaviest to the lightest; of equal weight the lower number first.
-fn rank(patches: &[Patch], keys: &mut Vec<u64>, order: &mut Vec<u32>) {
-    // Weights are not negative, so that their bits are in their order.
-    let key = |p: &Patch| u64::from(!p.total().to_bits()) << 32 | u64::from(p.id);
-    keys.clear();
-    keys.extend(patches.iter().map(key));
-    order.clear();
-    order.extend(0..keys.len() as u32);
-    if keys.len() > 32 {
-        order.sort_unstable_by_key(|i| keys[*i as usize]);
-        return;
-    }
-    for (i, key) in keys.iter().enumerate() {
-        // No two are equal. So few are counted sooner than sorted.
-        let before = keys.iter().filter(|k| *k < key).count();
-        order[before] = i as u32;
-    }
+    /// Patches by [`Patch::rank`], and their places in a list.
+    order: Vec<(u64, u32)>,
 }
 
 impl Layers {
     /// Patches within `tolerance` texels of each other at all corners will be one.
     fn new(tolerance: f32) -> Self {
-        Layers { tolerance, patches: vec![], merged: vec![], keys: vec![], order: vec![] }
+        Layers { tolerance, patches: vec![], merged: vec![], order: vec![] }
     }
 
     /// Takes in a patch, if it weighs anything.
@@ -208,22 +193,27 @@ impl Layers {
     /// front, the others by number, so that neighbouring faces mostly have them in the same order. Sets without a patch
     /// repeat the first.
     pub fn finish(&mut self, count: usize) -> FaceSets {
-        let Layers { tolerance, patches, merged, keys, order } = self;
-        rank(patches, keys, order);
-        merged.clear();
-        for i in &*order {
-            let patch = &patches[*i as usize];
-            match merged.iter_mut().find(|m| m.continues(patch, *tolerance)) {
+        fn by_rank(order: &mut Vec<(u64, u32)>, patches: &[Patch]) {
+            order.clear();
+            order.extend(patches.iter().enumerate().map(|(i, p)| (p.rank(), i as u32)));
+            order.sort_unstable();
+        }
+        by_rank(&mut self.order, &self.patches);
+        self.merged.clear();
+        for &(_, i) in &self.order {
+            let patch = &self.patches[i as usize];
+            match self.merged.iter_mut().find(|m| m.continues(patch, self.tolerance)) {
                 Some(whole) => whole.take_in(patch),
-                None => merged.push(patch.clone()),
+                None => self.merged.push(patch.clone()),
             }
         }
-        rank(merged, keys, order);
-        order.truncate(count);
-        if let Some((_, others)) = order.split_first_mut() {
-            others.sort_unstable_by_key(|i| merged[*i as usize].id);
+        by_rank(&mut self.order, &self.merged);
+        self.order.truncate(count);
+        let merged = &self.merged;
+        if let Some((_, others)) = self.order.split_first_mut() {
+            others.sort_unstable_by_key(|r| merged[r.1 as usize].id);
         }
-        let chosen = |s: usize| order.get(s).map(|i| &merged[*i as usize]);
+        let chosen = |s: usize| self.order.get(s).map(|r| &merged[r.1 as usize]);
         let first = chosen(0).map_or([Texel::default(); 3], Patch::corners);
         let mut out = FaceSets { sets: [[Texel::default(); 3]; MAX_SETS], weights: [[0.0; 4]; 3] };
         for (s, set) in out.sets.iter_mut().enumerate().take(count) {
