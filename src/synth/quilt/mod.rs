@@ -89,8 +89,8 @@ pub struct Quilt {
     pub counters: QuiltCounters,
 }
 
-/// Pieces per parallel task.
-const CHUNK: usize = 32;
+/// Pieces per parallel task; half of all rounds have fewer than 24.
+const CHUNK: usize = 8;
 /// Most candidates.
 const MAX_CANDIDATES: u32 = 4096;
 /// Places that are compared texel by texel.
