@@ -24,8 +24,11 @@ pub const VOTERS: usize = 16;
 /// Counts in a register.
 const LANES: usize = 16;
 
-/// Places that are looked at or passed over together.
-const BLOCK: usize = 16 * LANES;
+/// Places of which the most votes are noted in one register.
+const BLOCK: usize = 64 * LANES;
+
+/// Bits of a place's rank among those with as many votes.
+const RANK_BITS: u32 = 27;
 
 /// A point of a finished edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -109,8 +112,8 @@ pub fn error(map: &TextonMap, string: &[Sample], origin: Vec2, limit: u64) -> u6
 
 /// A string as it is compared from many places that are whole texels apart.
 pub struct WholeSteps {
-    /// Distance in texels, row by row, from the texel of the origin, and the label.
-    samples: Vec<(i32, u16)>,
+    /// Distance in texels, row by row, from the texel of the origin, and where the label's row of distances begins.
+    samples: Vec<(i32, u32)>,
 }
 
 impl WholeSteps {
@@ -119,7 +122,7 @@ impl WholeSteps {
         let part = fraction(base);
         let step = |s: &Sample| {
             let o = part + s.offset;
-            (o.y.floor() as i32 * map.width() as i32 + o.x.floor() as i32, s.label)
+            (o.y.floor() as i32 * map.width() as i32 + o.x.floor() as i32, u32::from(s.label) * map.count())
         };
         WholeSteps { samples: string.iter().map(step).collect() }
     }
@@ -129,8 +132,8 @@ impl WholeSteps {
         let labels = map.labels(0);
         let first = origin.y.floor() as i32 * map.width() as i32 + origin.x.floor() as i32;
         // Rounding may lead out by one.
-        let label = |by: i32| labels[(first + by).clamp(0, labels.len() as i32 - 1) as usize];
-        up_to(limit, &self.samples, |s| map.distance(s.1, label(s.0)))
+        let label = |by: i32| u32::from(labels[(first + by).clamp(0, labels.len() as i32 - 1) as usize]);
+        up_to(limit, &self.samples, |s| map.distances()[(s.1 + label(s.0)) as usize])
     }
 }
 
@@ -166,8 +169,9 @@ pub struct Ballot {
     counts: Vec<u8>,
     /// The most votes in each lane of each block.
     maxima: Vec<u8x16>,
-    /// Places found, as (votes, rank among equals, place).
-    found: Vec<(u8, u32, u32)>,
+    /// Places found, as numbers that sort by votes (the most first), by rank among equals ([`RANK_BITS`]) and by place (32
+    /// bits).
+    found: Vec<u64>,
 }
 
 impl Ballot {
@@ -201,19 +205,19 @@ impl Ballot {
             self.counts[from + w..to].fill(0);
         }
         self.select(origin..end, most);
-        let place = |i: u32| [i as usize % stride, i as usize / stride];
-        let rank = |[x, y]: [usize; 2]| key.bits((y * w + x) as u64) as u32;
-        self.found.iter_mut().for_each(|f| f.1 = rank(place(f.2)));
-        let order = |f: &(u8, u32, u32)| (std::cmp::Reverse(f.0), f.1, f.2);
+        let place = |i: u64| [i as u32 as usize % stride, i as u32 as usize / stride];
+        for f in &mut self.found {
+            let [x, y] = place(*f);
+            *f |= u64::from(key.bits((y * w + x) as u64) as u32 >> (32 - RANK_BITS)) << 32;
+        }
         if self.found.len() > most {
-            self.found.select_nth_unstable_by_key(most, order);
+            self.found.select_nth_unstable(most);
             self.found.truncate(most);
         }
-        self.found.sort_unstable_by_key(order);
-        let at = |[x, y]: [usize; 2]| {
-            vec2(f64::from(first[0] + x as i32) + part.x, f64::from(first[1] + y as i32) + part.y)
-        };
-        self.found.iter().map(|f| at(place(f.2))).collect()
+        self.found.sort_unstable();
+        let at =
+            |[x, y]: [usize; 2]| vec2(f64::from(first[0] + x as i32) + part.x, f64::from(first[1] + y as i32) + part.y);
+        self.found.iter().map(|f| at(place(*f))).collect()
     }
 
     /// Counts the votes for every whole place; returns which of the counts is that of the exemplar's first texel.
@@ -263,24 +267,27 @@ impl Ballot {
         least
     }
 
-    /// Leaves in `found` places of a range of counts, counted from its start, with their votes: those that have as many as
-    /// the `most` best.
+    /// Leaves in `found` the places of a range of counts, counted from its start and not ranked yet, that have as many votes
+    /// as the `most` best.
     fn select(&mut self, range: Range<usize>, most: usize) {
         let mut least = self.least(range.clone(), most);
         // It rises as more is seen.
         let (mut above, mut with) = (0, [0; VOTERS + 1]);
+        let first = |n: u8| ((VOTERS as u64) - u64::from(n)) << (32 + RANK_BITS);
         self.found.clear();
-        for (b, block) in self.counts[range].chunks_exact(BLOCK).enumerate() {
-            if with_votes(self.maxima[b], least) == 0 {
+        let counts = &self.counts[range];
+        for (b, max) in self.maxima.iter().enumerate() {
+            if with_votes(*max, least) == 0 {
                 continue;
             }
-            for (r, row) in block.as_chunks::<LANES>().0.iter().enumerate() {
-                let mut lanes = with_votes(u8x16::new(*row), least);
-                while lanes != 0 {
-                    let lane = lanes.trailing_zeros() as usize;
-                    lanes &= lanes - 1;
-                    let n = row[lane];
-                    self.found.push((n, 0, (b * BLOCK + r * LANES + lane) as u32));
+            for from in (b * BLOCK..(b + 1) * BLOCK).step_by(64) {
+                let (rows, _) = counts[from..from + 64].as_chunks();
+                let mut hits = (0..4).fold(0, |hits, r| hits | with_votes(u8x16::new(rows[r]), least) << (LANES * r));
+                while hits != 0 {
+                    let place = from + hits.trailing_zeros() as usize;
+                    hits &= hits - 1;
+                    let n = counts[place];
+                    self.found.push(first(n) | place as u64);
                     with[usize::from(n)] += 1;
                     above += usize::from(n > least);
                 }
@@ -290,14 +297,14 @@ impl Ballot {
                 }
             }
         }
-        self.found.retain(|f| f.0 >= least);
+        self.found.retain(|f| *f < first(least - 1));
     }
 }
 
 /// The lanes with at least so many votes, a bit each.
 #[inline]
-fn with_votes(counts: u8x16, least: u8) -> u32 {
-    counts.max(u8x16::splat(least)).simd_eq(counts).to_bitmask()
+fn with_votes(counts: u8x16, least: u8) -> u64 {
+    counts.max(u8x16::splat(least)).simd_eq(counts).to_bitmask().into()
 }
 
 #[cfg(test)]
