@@ -89,8 +89,10 @@ pub struct Quilt {
     pub counters: QuiltCounters,
 }
 
-/// Pieces per parallel task. Rounds have some tens of triangles, ten to twenty microseconds each.
-const CHUNK: usize = 4;
+/// Pieces per parallel task. Many rounds have a dozen of them, which take ten to twenty microseconds each; of those
+/// that are opened again most stay.
+const CHUNK: usize = 2;
+const REOPENED_CHUNK: usize = 16;
 /// Most candidates.
 const MAX_CANDIDATES: u32 = 4096;
 /// Places that are compared texel by texel.
@@ -374,7 +376,7 @@ impl Job<'_> {
             let before = self.counters.reopened;
             for colour in &colours {
                 let some: Vec<u32> = colour.iter().copied().filter(|p| dirty[*p as usize]).collect();
-                let found = par::map_chunks(some.len(), CHUNK, |r| {
+                let found = par::map_chunks(some.len(), REOPENED_CHUNK, |r| {
                     let origin = |p: usize| {
                         let f = self.patches.faces(p)[0] as usize;
                         self.at[f] - self.patches.rel[f]
