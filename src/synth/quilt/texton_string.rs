@@ -24,8 +24,11 @@ pub const VOTERS: usize = 16;
 /// Counts in a register.
 const LANES: usize = 16;
 
-/// Places of which the most votes are noted in one register.
-const BLOCK: usize = 64 * LANES;
+/// Places of which the most votes are noted in one register, by which most places are passed over.
+const RUN: usize = 8 * LANES;
+
+/// Places of which the most votes in each lane tell how many a place needs.
+const BLOCK: usize = 8 * RUN;
 
 /// Bits of a place's rank among those with as many votes.
 const RANK_BITS: u32 = 27;
@@ -167,7 +170,7 @@ fn up_to<S>(limit: u64, string: &[S], distance: impl Fn(&S) -> u32) -> u64 {
 #[derive(Default)]
 pub struct Ballot {
     counts: Vec<u8>,
-    /// The most votes in each lane of each block.
+    /// The most votes in each lane of each run.
     maxima: Vec<u8x16>,
     /// Places found, as numbers that sort by votes (the most first), by rank among equals ([`RANK_BITS`]) and by place (32
     /// bits).
@@ -246,17 +249,20 @@ impl Ballot {
     }
 
     /// Votes that the `most` best places have at least: so many lanes of blocks have a place with as many votes that no
-    /// place with fewer is needed. Notes the most votes of each lane.
+    /// place with fewer is needed. Notes the most votes of each lane of runs.
     fn least(&mut self, range: Range<usize>, most: usize) -> u8 {
         // A histogram for each lane: none waits for the one before.
         let mut highest = [[0u32; VOTERS + 1]; LANES];
         self.maxima.clear();
         for block in self.counts[range].chunks_exact(BLOCK) {
-            let max = block.as_chunks().0.iter().fold(u8x16::ZERO, |max, row| max.max(u8x16::new(*row)));
+            let of_run = |run: &[u8]| run.as_chunks().0.iter().fold(u8x16::ZERO, |max, row| max.max(u8x16::new(*row)));
+            let runs = block.chunks_exact(RUN).map(of_run);
+            self.maxima.extend(runs);
+            let last = &self.maxima[self.maxima.len() - BLOCK / RUN..];
+            let max = last.iter().fold(u8x16::ZERO, |max, run| max.max(*run));
             for (highest, n) in highest.iter_mut().zip(max.to_array()) {
                 highest[usize::from(n)] += 1;
             }
-            self.maxima.push(max);
         }
         let lanes = |n: u8| highest.iter().map(|h| h[usize::from(n)] as usize).sum::<usize>();
         let (mut least, mut so_many) = (VOTERS as u8, lanes(VOTERS as u8));
@@ -276,12 +282,12 @@ impl Ballot {
         let first = |n: u8| ((VOTERS as u64) - u64::from(n)) << (32 + RANK_BITS);
         self.found.clear();
         let counts = &self.counts[range];
-        for (b, max) in self.maxima.iter().enumerate() {
+        for (run, max) in self.maxima.iter().enumerate() {
             if with_votes(*max, least) == 0 {
                 continue;
             }
-            for from in (b * BLOCK..(b + 1) * BLOCK).step_by(64) {
-                let (rows, _) = counts[from..from + 64].as_chunks();
+            for from in (run * RUN..(run + 1) * RUN).step_by(4 * LANES) {
+                let (rows, _) = counts[from..from + 4 * LANES].as_chunks();
                 let mut hits = (0..4).fold(0, |hits, r| hits | with_votes(u8x16::new(rows[r]), least) << (LANES * r));
                 while hits != 0 {
                     let place = from + hits.trailing_zeros() as usize;
