@@ -180,3 +180,82 @@ fn what_cannot_be_gets_a_sentence() {
     project.write("recipes/noise.png", picture(16, 0));
     project.kiln(&["inspect", "recipes/noise.png", "--quick", "--texton-map", "t.png", "-n"]).expect(0);
 }
+
+/// A square of two units' side towards z, of `n` x `n` cells.
+fn square(n: u32) -> String {
+    let at = |i: u32| 2.0 * f64::from(i) / f64::from(n) - 1.0;
+    let points = (0..(n + 1) * (n + 1)).map(|i| format!("v {:.6} {:.6} 0\n", at(i % (n + 1)), at(i / (n + 1))));
+    let cells = (0..n * n).map(|i| {
+        let a = i / n * (n + 1) + i % n + 1;
+        format!("f {a} {} {}\nf {a} {} {}\n", a + 1, a + n + 2, a + n + 2, a + n + 1)
+    });
+    points.chain(cells).collect()
+}
+
+/// Mean difference of two pictures of 8 bits.
+fn difference(a: &[u8], b: &[u8]) -> f64 {
+    let [a, b] = [a, b].map(|png| match decode_pixels(png, &Limits::default()).expect("a picture").samples {
+        Samples::U8(samples) => samples,
+        _ => panic!("8 bits"),
+    });
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(&b).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / a.len() as f64
+}
+
+#[test]
+fn levels_of_detail_take_over_the_quilt() {
+    const OUTPUTS: &str =
+        "[atlas]\nsize = 128\n[uv_sets]\n[[render]]\nview = 'turntable-1'\nsize = 96\nshading = 'unlit'\n";
+    let bake = |jobs| {
+        let project = project();
+        project.write("recipes/m.obj", square(24));
+        project.write("recipes/c.obj", square(12));
+        for (name, synthesis) in [("r", ""), ("other", "seed = 2"), ("one", "blend = 'none'\nrefine = 0")] {
+            let text = recipe("", synthesis, OUTPUTS).replace("'m.obj'", "'m.obj'\nmesh.lods = ['c.obj']");
+            project.write(&format!("recipes/{name}.toml"), text);
+        }
+        project.kiln(&["bake", "-j", jobs]).expect(0);
+        project.contents("out")
+    };
+    let (one, two) = (bake("1"), bake("2"));
+    assert!(one == two, "levels depend on the number of threads");
+    let view = |of: &str| &one[&format!("out/{of}.png")];
+    let taken = difference(view("r/render/turntable-1"), view("r/render/turntable-1.lod1"));
+    let other = difference(view("r/render/turntable-1"), view("other/render/turntable-1"));
+    println!("a level differs from the finest by {taken:.2}, another seed by {other:.2}");
+    assert!(taken * 3.0 < other, "{taken} {other}");
+    for name in ["r", "one"] {
+        let report: serde_json::Value =
+            serde_json::from_slice(&one[&format!("out/{name}/report.lod1.json")]).expect("a report");
+        assert_eq!(
+            (report["mesh"]["triangles"].as_u64(), report["exemplar"]["textons"].as_u64()),
+            (Some(288), Some(55))
+        );
+        assert!(one.contains_key(&format!("out/{name}/{name}.lod1.uvsets.glb")));
+    }
+}
+
+#[test]
+fn the_texels_of_an_atlas_are_corrected_after_the_quilt() {
+    let bake = |jobs| {
+        let project = project();
+        for (name, refine) in [("plain", ""), ("corrected", "refine = 2\n")] {
+            let atlas = format!("[atlas]\nsize = 256\n{refine}");
+            project.write(&format!("recipes/{name}.toml"), recipe("", "", &atlas));
+        }
+        let ran = project.kiln(&["bake", "-j", jobs]).expect(0).err;
+        assert!(ran.contains("corrected/refine atlas") && !ran.contains("plain/refine atlas"), "{ran}");
+        project.contents("out")
+    };
+    let (one, two) = (bake("1"), bake("2"));
+    assert!(one == two, "corrected atlases depend on the number of threads");
+    let quilt = |name: &str| -> serde_json::Value {
+        let report: serde_json::Value =
+            serde_json::from_slice(&one[&format!("out/{name}/report.json")]).expect("a report");
+        report["synthesis"]["quilt"].clone()
+    };
+    assert_eq!(quilt("plain"), quilt("corrected"));
+    let atlas = |name: &str| &one[&format!("out/{name}/{name}.base_color.png")];
+    let changed = difference(atlas("plain"), atlas("corrected"));
+    assert!(changed > 0.5 && changed < 20.0, "{changed}");
+}

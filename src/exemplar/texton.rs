@@ -93,7 +93,7 @@ pub struct TextonMap {
     labels: Vec<Vec<u16>>,
     /// Texels by texton: those of t are `members[starts[t]..starts[t + 1]]`, ascending.
     starts: Vec<u32>,
-    members: Vec<[u16; 2]>,
+    members: Vec<u32>,
     /// Squared distances of textons, row by row.
     distances: Vec<u32>,
     points: Points,
@@ -120,10 +120,9 @@ impl TextonMap {
         let mut starts = vec![0u32; count + 1];
         labels[0].iter().for_each(|t| starts[usize::from(*t) + 1] += 1);
         (0..count).for_each(|t| starts[t + 1] += starts[t]);
-        let (mut next, mut members) = (starts.clone(), vec![[0; 2]; texels]);
+        let (mut next, mut members) = (starts.clone(), vec![0; texels]);
         for (i, t) in labels[0].iter().enumerate() {
-            let (x, y) = (i as u32 % size[0], i as u32 / size[0]);
-            members[next[usize::from(*t)] as usize] = [x as u16, y as u16];
+            members[next[usize::from(*t)] as usize] = i as u32;
             next[usize::from(*t)] += 1;
         }
         Some(TextonMap {
@@ -171,8 +170,8 @@ impl TextonMap {
         &self.labels[rotation as usize]
     }
 
-    /// The texels of a texton as columns and rows, row by row: B\[t\] of \[MK03\].
-    pub fn bucket(&self, texton: u16) -> &[[u16; 2]] {
+    /// The texels of a texton, ascending, counted row by row: B\[t\] of \[MK03\].
+    pub fn bucket(&self, texton: u16) -> &[u32] {
         let t = usize::from(texton);
         &self.members[self.starts[t] as usize..self.starts[t + 1] as usize]
     }
@@ -317,7 +316,7 @@ mod tests {
         assert_eq!((map.count(), map.rotations(), report.dimensions), (27, 4, 121));
         let mut all: Vec<u32> = vec![];
         for t in 0..map.count() as u16 {
-            let members: Vec<u32> = map.bucket(t).iter().map(|[x, y]| u32::from(*y) * 30 + u32::from(*x)).collect();
+            let members = map.bucket(t);
             assert!(members.iter().all(|i| map.labels(0)[*i as usize] == t));
             all.extend(members);
             assert_eq!(map.distance(t, t), 0);

@@ -4,6 +4,8 @@
 //! never from the machine; results come back in index order, and whoever folds them folds in that order. The pool is
 //! the caller's: inside [`install`] everything runs on at most that many threads.
 
+use std::sync::{Mutex, PoisonError};
+
 use rayon::prelude::*;
 
 /// Runs `work` on a pool of `jobs` threads (at least one); nested loops of this module stay on it.
@@ -26,6 +28,21 @@ pub fn map<T: Send>(n: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T> {
 pub fn map_chunks<T: Send>(n: usize, chunk: usize, f: impl Fn(std::ops::Range<usize>) -> T + Sync) -> Vec<T> {
     let chunk = chunk.max(1);
     (0..n.div_ceil(chunk)).into_par_iter().map(|c| f(c * chunk..((c + 1) * chunk).min(n))).collect()
+}
+
+/// Memory that tasks use one after the other. What a task finds in it must not show in its result.
+#[derive(Debug, Default)]
+pub struct Scratch<T>(Mutex<Vec<T>>);
+
+impl<T: Default> Scratch<T> {
+    /// Calls `work` with what another task has left, the last one if it may be, or something new.
+    pub fn with<R>(&self, work: impl FnOnce(&mut T) -> R) -> R {
+        let left = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut mine = left().pop().unwrap_or_default();
+        let result = work(&mut mine);
+        left().push(mine);
+        result
+    }
 }
 
 /// Both results; the two may run at the same time.
@@ -72,6 +89,17 @@ mod tests {
         let run = |jobs| install(jobs, || (map(1000, |i| i * i), map_chunks(10, 4, |r| (r.start, r.end))));
         assert_eq!(run(1), run(8));
         assert_eq!(run(2).1, vec![(0, 4), (4, 8), (8, 10)]);
+    }
+
+    #[test]
+    fn scratch_is_used_again() {
+        let scratch = Scratch::<Vec<u32>>::default();
+        scratch.with(|a| {
+            a.push(1);
+            scratch.with(|b| b.push(2));
+        });
+        assert_eq!(scratch.with(std::mem::take), [1]);
+        assert_eq!(scratch.with(std::mem::take), [0; 0]);
     }
 
     #[test]

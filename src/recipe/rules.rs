@@ -51,26 +51,26 @@ const RIVALS: [(&str, &str, &str); 39] = [
     ("exemplar.orm", "exemplar.occlusion", "`orm` holds the occlusion in its red channel; keep one"),
 ];
 
-/// Keys that only one method reads.
-const METHOD_KEYS: [(&str, &str); 18] = [
-    ("analysis.neighbourhoods", "jump-map"),
-    ("analysis.jumps", "jump-map"),
-    ("analysis.variance", "jump-map"),
-    ("analysis.alpha", "jump-map"),
-    ("analysis.diversity", "jump-map"),
-    ("analysis.min_distance", "jump-map"),
-    ("mesh.lods", "jump-map"),
-    ("atlas.refine", "jump-map"),
-    ("synthesis.sharpness", "jump-map"),
-    ("analysis.window", "texton"),
-    ("analysis.count", "texton"),
-    ("analysis.features", "texton"),
-    ("analysis.rotations", "texton"),
-    ("synthesis.candidates", "texton"),
-    ("synthesis.blend_threshold", "texton"),
-    ("analysis.layers", "material-space"),
-    ("analysis.key", "material-space"),
-    ("analysis.tile", "material-space"),
+/// Keys that not every method reads, and which do.
+const METHOD_KEYS: [(&str, &[&str]); 18] = [
+    ("analysis.neighbourhoods", &["jump-map"]),
+    ("analysis.jumps", &["jump-map"]),
+    ("analysis.variance", &["jump-map"]),
+    ("analysis.alpha", &["jump-map"]),
+    ("analysis.diversity", &["jump-map"]),
+    ("analysis.min_distance", &["jump-map"]),
+    ("mesh.lods", &["jump-map", "texton"]),
+    ("atlas.refine", &["jump-map", "texton"]),
+    ("synthesis.sharpness", &["jump-map"]),
+    ("analysis.window", &["texton"]),
+    ("analysis.count", &["texton"]),
+    ("analysis.features", &["texton"]),
+    ("analysis.rotations", &["texton"]),
+    ("synthesis.candidates", &["texton"]),
+    ("synthesis.blend_threshold", &["texton"]),
+    ("analysis.layers", &["material-space"]),
+    ("analysis.key", &["material-space"]),
+    ("analysis.tile", &["material-space"]),
 ];
 
 /// Takes out of the defaults what gives way to a recipe's own keys.
@@ -224,11 +224,13 @@ fn method(tree: &Node) -> &str {
 
 fn check_method_keys(tree: &Node, findings: &mut Findings) {
     let method = method(tree);
-    for (path, reader) in METHOD_KEYS {
+    for (path, readers) in METHOD_KEYS {
         // Defaults may hold keys for several methods.
         let own = tree.entry(path).filter(|entry| entry.key.source == tree.at.source);
-        if let Some(entry) = own.filter(|_| method != reader) {
-            let message = format!("`{path}` belongs to the method \"{reader}\", and this recipe's is \"{method}\"");
+        if let Some(entry) = own.filter(|_| !readers.contains(&method)) {
+            let methods = if readers.len() > 1 { "methods" } else { "method" };
+            let named = listing(readers, "\"", "and");
+            let message = format!("`{path}` belongs to the {methods} {named}, and this recipe's is \"{method}\"");
             let fault = Fault::new(entry.key.clone(), path, message).hint("remove it".to_string());
             findings.push_unless_due_to(&["analysis.method"], fault);
         }

@@ -108,7 +108,7 @@ pub struct Mesh {
     #[schemars(transform = filled)]
     pub materials: Option<Vec<String>>,
     /// Simplifications of the mesh, finest first: they are baked as well, with the texture that the mesh has there, so
-    /// that a change of level does not change the picture.
+    /// that a change of level does not change the picture. jump-map, texton.
     #[schemars(length(max = limits::LODS))]
     pub lods: Vec<String>,
 }
@@ -650,8 +650,9 @@ pub struct Atlas {
     /// Instead of `unwrap`: the mesh's own texture coordinates; 0 is TEXCOORD_0.
     #[schemars(transform = within(limits::KEEP_UV))]
     pub keep_uv: Option<u32>,
-    /// jump-map: correction passes over the texels of the atlas, across the borders of its charts, after those of
-    /// `synthesis.refine`, so that patches need not meet along the edges of triangles. What UV sets hold does not change.
+    /// jump-map, texton: correction passes over the texels of the atlas, across the borders of its charts, after those of
+    /// `synthesis.refine`, so that patches need not meet along the edges of triangles. Places come from a jump map, with
+    /// textons too. What UV sets hold does not change.
     #[schemars(transform = within(limits::REFINE))]
     pub refine: u32,
     /// How the sample is interpolated between its texels: "linear" is softer, and what UV sets show.

@@ -574,6 +574,14 @@ fn textons_have_their_keys_and_only_they() {
     assert!(nan.len() == 1 && nan[0].contains("`synthesis.blend_threshold` can't be nan"), "{nan:?}");
     let jumps = faults(&text.replace(analysis, ""));
     assert!(jumps.len() == 2 && jumps[0].contains("belongs to the method \"texton\""), "{jumps:?}");
+    let further = "mesh = { path = 'a.glb', lods = ['b.glb'] }\n[exemplar]\nbase_color = 'a.png'\n[uv_sets]\n";
+    assert_eq!(faults(&(further.to_string() + analysis)), [""; 0]);
+    let corrected = text.replace("[synthesis]", "[atlas]\nrefine = 2\n[synthesis]");
+    assert!(!faults(&corrected).iter().any(|f| f.contains("belongs")), "{:?}", faults(&corrected));
+    let tile = faults(&further.replace("[exemplar]", "[analysis]\nmethod = 'material-space'\n[exemplar]"));
+    let sentence =
+        "`mesh.lods` belongs to the methods \"jump-map\" and \"texton\", and this recipe's is \"material-space\"";
+    assert!(tile.iter().any(|f| f.contains(sentence)), "{tile:?}");
     let canvas = "canvas = { size = [8, 8] }\nanalysis = { method = 'texton' }\n[exemplar]\nbase_color = 'a.png'\n";
     let found = faults(canvas);
     assert!(found.len() == 1 && found[0].contains("a canvas has none"), "{found:?}");

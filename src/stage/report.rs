@@ -103,11 +103,6 @@ fn described(counters: &Counters, analysis: &[u8]) -> Result<(Value, Option<Coun
             (exemplar(analysis)?, Some(("walk", Value::Object(walk.into_iter().collect()))))
         }
         Counters::Quilt { quilt: c, faces, blended, edge_error } => {
-            let map = TextonMap::from_bytes(analysis)?;
-            let mut sample = json!({ "width": map.width(), "height": map.height(), "textons": map.count() });
-            if let Some(note) = map.note() {
-                sample["note"] = json!(note);
-            }
             let quilt = json!({
                 "faces": faces,
                 "pieces": c.pieces,
@@ -121,8 +116,10 @@ fn described(counters: &Counters, analysis: &[u8]) -> Result<(Value, Option<Coun
                 "blended_edges": blended,
                 "edge_error": edge_error,
             });
-            (sample, Some(("quilt", quilt)))
+            (textons(analysis)?, Some(("quilt", quilt)))
         }
+        // What the finest level was made by.
+        Counters::Taken if TextonMap::open(analysis).is_ok() => (textons(analysis)?, None),
         Counters::Taken => (exemplar(analysis)?, None),
         Counters::Periodic { distorted, winding, three_look_ups, unsaid } => {
             let mut periodic = json!({ "distorted": distorted, "winding": winding, "three_look_ups": three_look_ups });
@@ -182,6 +179,15 @@ fn exemplar(jump_map: &[u8]) -> Result<Value, StepError> {
     let [width, height, jumps] = JumpMap::counts(jump_map)?;
     let texels = f64::from(width) * f64::from(height);
     Ok(json!({ "width": width, "height": height, "jumps_per_texel": f64::from(jumps) / texels }))
+}
+
+fn textons(map: &[u8]) -> Result<Value, StepError> {
+    let map = TextonMap::from_bytes(map)?;
+    let mut sample = json!({ "width": map.width(), "height": map.height(), "textons": map.count() });
+    if let Some(note) = map.note() {
+        sample["note"] = json!(note);
+    }
+    Ok(sample)
 }
 
 pub(super) fn text(report: &Value) -> Result<Vec<u8>, StepError> {

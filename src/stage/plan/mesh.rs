@@ -160,9 +160,14 @@ impl Planner<'_, '_> {
             let mut inputs = [surface, prepare, synthesise, unwrap, maps].map(InputId::from).to_vec();
             let side = side(atlas);
             if atlas.refine > 0 {
+                // Textons know of each texel only some that look alike, a jump map the most alike.
+                let jumps = match self.recipe.analysis.textons {
+                    None => analyse,
+                    Some(_) => self.analyse(maps, false),
+                };
                 let importance = self.recipe.exemplar.importance.iter().copied().collect();
                 let refine = RefineAtlas { recipe: recipe.clone(), passes: atlas.refine, importance, side };
-                let of = [surface, prepare, synthesise, unwrap, analyse, maps].map(InputId::from);
+                let of = [surface, prepare, synthesise, unwrap, jumps, maps].map(InputId::from);
                 inputs.push(self.step(refine, &of).into());
             }
             let bundle = self.step(

@@ -9,6 +9,10 @@
 //! found exactly.
 //! Unaware of: meshes; which candidates there are besides.
 
+use std::ops::Range;
+
+use wide::u8x16;
+
 use crate::exemplar::TextonMap;
 use crate::numerics::rng::Key;
 use crate::numerics::vec::{Vec2, vec2};
@@ -17,8 +21,17 @@ use crate::numerics::vec::{Vec2, vec2};
 /// 2 % less (basket, wicker).
 pub const VOTERS: usize = 16;
 
-/// Places that are looked at or passed over together.
-const CHUNK: usize = 64;
+/// Counts in a register.
+const LANES: usize = 16;
+
+/// Places of which the most votes are noted in one register, by which most places are passed over.
+const RUN: usize = 8 * LANES;
+
+/// Places of which the most votes in each lane tell how many a place needs.
+const BLOCK: usize = 8 * RUN;
+
+/// Bits of a place's rank among those with as many votes.
+const RANK_BITS: u32 = 27;
 
 /// A point of a finished edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -102,8 +115,8 @@ pub fn error(map: &TextonMap, string: &[Sample], origin: Vec2, limit: u64) -> u6
 
 /// A string as it is compared from many places that are whole texels apart.
 pub struct WholeSteps {
-    /// Distance in texels, row by row, from the texel of the origin, and the label.
-    samples: Vec<(i32, u16)>,
+    /// Distance in texels, row by row, from the texel of the origin, and where the label's row of distances begins.
+    samples: Vec<(i32, u32)>,
 }
 
 impl WholeSteps {
@@ -112,7 +125,7 @@ impl WholeSteps {
         let part = fraction(base);
         let step = |s: &Sample| {
             let o = part + s.offset;
-            (o.y.floor() as i32 * map.width() as i32 + o.x.floor() as i32, s.label)
+            (o.y.floor() as i32 * map.width() as i32 + o.x.floor() as i32, u32::from(s.label) * map.count())
         };
         WholeSteps { samples: string.iter().map(step).collect() }
     }
@@ -122,8 +135,8 @@ impl WholeSteps {
         let labels = map.labels(0);
         let first = origin.y.floor() as i32 * map.width() as i32 + origin.x.floor() as i32;
         // Rounding may lead out by one.
-        let label = |by: i32| labels[(first + by).clamp(0, labels.len() as i32 - 1) as usize];
-        up_to(limit, &self.samples, |s| map.distance(s.1, label(s.0)))
+        let label = |by: i32| u32::from(labels[(first + by).clamp(0, labels.len() as i32 - 1) as usize]);
+        up_to(limit, &self.samples, |s| map.distances()[(s.1 + label(s.0)) as usize])
     }
 }
 
@@ -157,15 +170,17 @@ fn up_to<S>(limit: u64, string: &[S], distance: impl Fn(&S) -> u32) -> u64 {
 #[derive(Default)]
 pub struct Ballot {
     counts: Vec<u8>,
-    /// The most votes of each chunk of places.
-    maxima: Vec<u8>,
-    /// Places found, as (votes, rank among equals, place).
-    found: Vec<(u8, u32, u32)>,
+    /// The most votes in each lane of each run.
+    maxima: Vec<u8x16>,
+    /// Places found, as numbers that sort by votes (the most first), by rank among equals ([`RANK_BITS`]) and by place (32
+    /// bits).
+    found: Vec<u64>,
 }
 
 impl Ballot {
     /// The `most` places with the most votes for a string, at least one each, best first; `base` gives the sub-texel part,
-    /// `key` the order of equals. N of \[MK03\] 3.2.2.
+    /// `key` the order of equals. N of \[MK03\] 3.2.2. The box of the piece that lies `inside` holds its origin and the
+    /// string.
     pub fn best(
         &mut self,
         map: &TextonMap,
@@ -182,84 +197,120 @@ impl Ballot {
         if string.is_empty() || most == 0 || last[0] < first[0] || last[1] < first[1] {
             return vec![];
         }
-        let (w, h) = ((last[0] - first[0] + 1) as u32, (last[1] - first[1] + 1) as u32);
-        self.count(map, string, [w, h], |s| {
-            [(part.x + s.offset.x).floor() as i32 + first[0], (part.y + s.offset.y).floor() as i32 + first[1]]
-        });
-        self.select(most, key);
+        let (w, h) = ((last[0] - first[0] + 1) as usize, (last[1] - first[1] + 1) as usize);
+        let stride = map.width() as usize;
+        let origin = self.count(map, string, part) + first[1] as usize * stride + first[0] as usize;
+        // Rows of places lie a row of the exemplar apart; what was counted between and after them has no room.
+        let end = origin + (h * stride).next_multiple_of(BLOCK);
+        for row in 0..h {
+            let from = origin + row * stride;
+            let to = if row + 1 < h { from + stride } else { end };
+            self.counts[from + w..to].fill(0);
+        }
+        self.select(origin..end, most);
+        let place = |i: u64| [i as u32 as usize % stride, i as u32 as usize / stride];
+        for f in &mut self.found {
+            let [x, y] = place(*f);
+            *f |= u64::from(key.bits((y * w + x) as u64) as u32 >> (32 - RANK_BITS)) << 32;
+        }
+        if self.found.len() > most {
+            self.found.select_nth_unstable(most);
+            self.found.truncate(most);
+        }
+        self.found.sort_unstable();
         let at =
-            |p: u32| vec2(f64::from(first[0] + (p % w) as i32) + part.x, f64::from(first[1] + (p / w) as i32) + part.y);
-        self.found.iter().map(|f| at(f.2)).collect()
+            |[x, y]: [usize; 2]| vec2(f64::from(first[0] + x as i32) + part.x, f64::from(first[1] + y as i32) + part.y);
+        self.found.iter().map(|f| at(place(*f))).collect()
     }
 
-    /// Counts the votes in a room of `w` x `h` places; `from` is what a sample's texels are moved back by.
-    fn count(&mut self, map: &TextonMap, string: &[Sample], [w, h]: [u32; 2], from: impl Fn(&Sample) -> [i32; 2]) {
-        self.counts.clear();
-        self.counts.resize(w as usize * h as usize + 1, 0);
+    /// Counts the votes for every whole place; returns which of the counts is that of the exemplar's first texel.
+    ///
+    /// Votes for places beyond a side come to lie beyond the other one. No place with room is among them: a piece has room
+    /// where all its samples, which are within its bounds, lie inside.
+    fn count(&mut self, map: &TextonMap, string: &[Sample], part: Vec2) -> usize {
+        let texels = map.labels(0).len();
         let stride = string.len().div_ceil(VOTERS);
-        for s in string.iter().skip(stride / 2).step_by(stride) {
-            let o = from(s);
-            for [x, y] in map.bucket(s.label) {
-                let (x, y) = ((i32::from(*x) - o[0]) as u32, (i32::from(*y) - o[1]) as u32);
-                // Without a branch, which nobody could predict: places without room share a count at the end.
-                let place = y.wrapping_mul(w).wrapping_add(x);
-                let place = if (x < w) & (y < h) { place } else { w * h };
-                self.counts[place as usize] = self.counts[place as usize].wrapping_add(1);
+        let back = |s: &Sample| {
+            let o = part + s.offset;
+            (s.label, o.y.floor() as i32 * map.width() as i32 + o.x.floor() as i32)
+        };
+        let voters = || string.iter().skip(stride / 2).step_by(stride).map(back);
+        let (least, greatest) = voters().fold((0, 0), |(l, g): (i32, i32), (_, by)| (l.min(by), g.max(by)));
+        self.counts.clear();
+        self.counts.resize((greatest - least) as usize + texels + map.width() as usize + BLOCK, 0);
+        for (label, by) in voters() {
+            let counts = &mut self.counts[(greatest - by) as usize..][..texels];
+            for texel in map.bucket(label) {
+                let count = &mut counts[*texel as usize];
+                *count = count.wrapping_add(1);
             }
         }
-        self.counts.pop();
+        greatest as usize
     }
 
-    /// Votes that the `most` best places have at least, by chunks: so many of these have a place with as many votes that no
-    /// place with fewer is needed.
-    fn least(&mut self, most: usize) -> u8 {
-        let mut highest = [0; VOTERS + 1];
+    /// Votes that the `most` best places have at least: so many lanes of blocks have a place with as many votes that no
+    /// place with fewer is needed. Notes the most votes of each lane of runs.
+    fn least(&mut self, range: Range<usize>, most: usize) -> u8 {
+        // A histogram for each lane: none waits for the one before.
+        let mut highest = [[0u32; VOTERS + 1]; LANES];
         self.maxima.clear();
-        for some in self.counts.chunks(CHUNK) {
-            let max = some.iter().fold(0, |m, n| m.max(*n));
-            highest[usize::from(max)] += 1;
-            self.maxima.push(max);
+        for block in self.counts[range].chunks_exact(BLOCK) {
+            let of_run = |run: &[u8]| run.as_chunks().0.iter().fold(u8x16::ZERO, |max, row| max.max(u8x16::new(*row)));
+            let runs = block.chunks_exact(RUN).map(of_run);
+            self.maxima.extend(runs);
+            let last = &self.maxima[self.maxima.len() - BLOCK / RUN..];
+            let max = last.iter().fold(u8x16::ZERO, |max, run| max.max(*run));
+            for (highest, n) in highest.iter_mut().zip(max.to_array()) {
+                highest[usize::from(n)] += 1;
+            }
         }
-        let (mut least, mut so_many) = (VOTERS as u8, highest[VOTERS]);
+        let lanes = |n: u8| highest.iter().map(|h| h[usize::from(n)] as usize).sum::<usize>();
+        let (mut least, mut so_many) = (VOTERS as u8, lanes(VOTERS as u8));
         while least > 1 && so_many < most {
             least -= 1;
-            so_many += highest[usize::from(least)];
+            so_many += lanes(least);
         }
         least
     }
 
-    /// Leaves in `found` the `most` best places, best first, `key` giving the order of equals.
-    fn select(&mut self, most: usize, key: Key) {
-        let mut least = self.least(most);
+    /// Leaves in `found` the places of a range of counts, counted from its start and not ranked yet, that have as many votes
+    /// as the `most` best.
+    fn select(&mut self, range: Range<usize>, most: usize) {
+        let mut least = self.least(range.clone(), most);
         // It rises as more is seen.
         let (mut above, mut with) = (0, [0; VOTERS + 1]);
+        let first = |n: u8| ((VOTERS as u64) - u64::from(n)) << (32 + RANK_BITS);
         self.found.clear();
-        for (c, some) in self.counts.chunks(CHUNK).enumerate() {
-            if self.maxima[c] < least {
+        let counts = &self.counts[range];
+        for (run, max) in self.maxima.iter().enumerate() {
+            if with_votes(*max, least) == 0 {
                 continue;
             }
-            for (i, &n) in some.iter().enumerate() {
-                if n < least {
-                    continue;
+            for from in (run * RUN..(run + 1) * RUN).step_by(4 * LANES) {
+                let (rows, _) = counts[from..from + 4 * LANES].as_chunks();
+                let mut hits = (0..4).fold(0, |hits, r| hits | with_votes(u8x16::new(rows[r]), least) << (LANES * r));
+                while hits != 0 {
+                    let place = from + hits.trailing_zeros() as usize;
+                    hits &= hits - 1;
+                    let n = counts[place];
+                    self.found.push(first(n) | place as u64);
+                    with[usize::from(n)] += 1;
+                    above += usize::from(n > least);
                 }
-                self.found.push((n, 0, (c * CHUNK + i) as u32));
-                with[usize::from(n)] += 1;
-                above += usize::from(n > least);
                 while above >= most {
                     least += 1;
                     above -= with[usize::from(least)];
                 }
             }
         }
-        self.found.retain(|f| f.0 >= least);
-        self.found.iter_mut().for_each(|f| f.1 = key.bits(u64::from(f.2)) as u32);
-        let order = |f: &(u8, u32, u32)| (std::cmp::Reverse(f.0), f.1, f.2);
-        if self.found.len() > most {
-            self.found.select_nth_unstable_by_key(most, order);
-            self.found.truncate(most);
-        }
-        self.found.sort_unstable_by_key(order);
+        self.found.retain(|f| *f < first(least - 1));
     }
+}
+
+/// The lanes with at least so many votes, a bit each.
+#[inline]
+fn with_votes(counts: u8x16, least: u8) -> u64 {
+    counts.max(u8x16::splat(least)).simd_eq(counts).to_bitmask().into()
 }
 
 #[cfg(test)]
