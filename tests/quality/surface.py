@@ -61,7 +61,7 @@ def recipe(way, mesh, scale, exemplar):
     atlas = "".join(f", refine = {m[1:]}" for m in more if m.startswith("@"))
     more = [m for m in more if not m.startswith("@")]
     keys = [m if "=" in m else f"refine = {m}" for m in more if m]
-    size = 1024 if mesh.name.startswith("plane") else 2048
+    size = 4096 if mesh.name.startswith("plane") else 2048
     return "\n".join([
         "kiln = 1", f'mesh.path = "{mesh}"', f'exemplar.base_color = "{exemplar}"', f'analysis.method = "{method}"',
         f"atlas = {{ size = {size}, gutter = 4, mips = false{atlas} }}", "[synthesis]", f"scale = {scale}", *keys, "",
