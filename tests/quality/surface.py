@@ -25,6 +25,8 @@ import flat
 TOOLS = flat.SHARED / "tools"
 # Side of a square of the area of a mesh, in texels.
 SIDE = 600
+# Sides of atlases. Planes are read back bilinearly: of 1024 pixels that takes contrast from any picture, of 4096 none.
+PLANE_ATLAS, MESH_ATLAS = 4096, 2048
 # Figures of a plane (against the peers' flat ones) and of a mesh; the lower the better.
 PLANE, MESH = ["swd", "coherence_p95"], ["ratio", "p95"]
 
@@ -61,7 +63,7 @@ def recipe(way, mesh, scale, exemplar):
     atlas = "".join(f", refine = {m[1:]}" for m in more if m.startswith("@"))
     more = [m for m in more if not m.startswith("@")]
     keys = [m if "=" in m else f"refine = {m}" for m in more if m]
-    size = 4096 if mesh.name.startswith("plane") else 2048
+    size = PLANE_ATLAS if mesh.name.startswith("plane") else MESH_ATLAS
     return "\n".join([
         "kiln = 1", f'mesh.path = "{mesh}"', f'exemplar.base_color = "{exemplar}"', f'analysis.method = "{method}"',
         f"atlas = {{ size = {size}, gutter = 4, mips = false{atlas} }}", "[synthesis]", f"scale = {scale}", *keys, "",

@@ -315,15 +315,14 @@ impl Artefact for UvSets {
             for (s, set) in sets.iter_mut().enumerate() {
                 set.extend_from_slice(own.get(s).unwrap_or(&own[0]));
             }
-            if kind.plain {
-                weights.extend_from_slice(&[[1.0, 0.0, 0.0, 0.0]; 3]);
-                continue;
-            }
             let (own, left) =
-                rest.split_at_checked(3 * kind.distinct).ok_or_else(|| Damaged("a corner without weights".into()))?;
+                rest.split_at_checked(3 * kind.weights()).ok_or_else(|| Damaged("a corner without weights".into()))?;
             rest = left;
-            weights
-                .extend(own.chunks_exact(kind.distinct).map(|w| std::array::from_fn(|s| w.get(s).map_or(0.0, |w| *w))));
+            let padded = |w: &[f32]| std::array::from_fn(|s| w.get(s).map_or(0.0, |w| *w));
+            match kind.plain {
+                true => weights.extend_from_slice(&[[1.0, 0.0, 0.0, 0.0]; 3]),
+                false => weights.extend(own.chunks_exact(kind.weights()).map(padded)),
+            }
         }
         check(places.is_empty() && rest.is_empty(), "coordinates without a face")?;
         let material: Vec<f32> = r.slice()?;
