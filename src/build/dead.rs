@@ -74,9 +74,9 @@ fn is_ours(world: &World, path: &Path, record: &FileRecord) -> bool {
     }
 }
 
-/// Removes unfinished files that are older than this time from the folders of the outputs and from kiln's own. They do no harm, so those that cannot be
-/// removed stay.
-pub(super) fn remove_unfinished(world: &World, before_ns: i128) {
+/// Removes unfinished files that are not newer than this time from the folders of the outputs and from kiln's own, but
+/// for those that another kiln is writing. They do no harm, so those that cannot be removed stay.
+pub(super) fn remove_unfinished(world: &World, until_ns: i128) {
     let mut folders: Vec<&Path> = world.graph.outputs.iter().filter_map(|output| output.path.parent()).collect();
     folders.extend(world.options.manifest.parent());
     folders.sort_unstable();
@@ -85,8 +85,13 @@ pub(super) fn remove_unfinished(world: &World, before_ns: i128) {
     for folder in folders.into_iter().filter(|folder| *folder != Path::new("")) {
         for path in world.disk.list(folder).unwrap_or_default() {
             let temporary = path.file_name().and_then(|name| name.to_str()).is_some_and(is_temporary);
-            let old = |path| matches!(world.disk.stamp(path), Ok(Some(stamp)) if stamp.mtime_ns < before_ns);
-            if temporary && old(&path) {
+            // Times tell ticks apart, and a tick is long enough to be killed in and started again.
+            let old = |path| matches!(world.disk.stamp(path), Ok(Some(stamp)) if stamp.mtime_ns <= until_ns);
+            if !temporary || !old(&path) {
+                continue;
+            }
+            // Whoever writes it holds its lock. It is held until the file is gone, lest another take it up.
+            if let Ok(Some(_lock)) = world.disk.try_lock(&path) {
                 let _ = world.disk.remove(&path);
             }
         }

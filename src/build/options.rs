@@ -26,8 +26,8 @@ pub struct Options {
     pub whole_tree: bool,
     /// Remove the outputs of recipes that are gone; needs `whole_tree`. Else they are only reported.
     pub prune: bool,
-    /// An earlier run was killed: remove what it left unfinished, that is what is older than this time of the file system
-    /// in nanoseconds since 1970. Nobody else may have been at work here then.
+    /// An earlier run was killed: remove what it left unfinished, that is what nobody is writing and is not newer than this
+    /// time of the file system in nanoseconds since 1970.
     pub clean: Option<i128>,
     /// Steps start only while the estimates of those under way are below so many bytes together; one always may.
     pub memory: u64,

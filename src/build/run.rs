@@ -97,8 +97,8 @@ fn run_in(world: &World, progress: &dyn Progress) -> Report {
     let to_do =
         survey.steps.iter().filter(|verdict| !matches!(verdict, Verdict::UpToDate(_) | Verdict::Ignored)).count();
     let needed = world.needed.iter().filter(|needed| **needed).count();
-    if let Some(before_ns) = world.options.clean.filter(|_| !dry) {
-        remove_unfinished(world, before_ns);
+    if let Some(until_ns) = world.options.clean.filter(|_| !dry) {
+        remove_unfinished(world, until_ns);
     }
     let Dead { found, gone, warnings } = sweep(world);
     let mut report = Report {

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use super::world::{MemoryDisk, later, options};
 use super::*;
-use crate::disk::Disk;
+use crate::disk::{Disk, Memory};
 
 /// A step that notes when it begins and how many are under way.
 struct Timed {
@@ -162,6 +162,33 @@ fn outputs_of_removed_recipes_are_reported_and_removed_on_request() {
     // The cache still knows them.
     assert_eq!(later(&chains(&of, 0).0, &disk).ran().count(), 0);
     assert_eq!(disk.text("out/b").as_deref(), Some("b2"));
+}
+
+#[test]
+fn what_a_killed_run_left_unfinished_is_removed_unless_somebody_writes_it() {
+    let disk = Memory::new();
+    disk.write("in/a".as_ref(), b"a").unwrap();
+    let unfinished = |name: &str| {
+        let path = PathBuf::from(format!("out/.kiln-tmp-{name}"));
+        disk.write(&path, b"ha").unwrap();
+        path
+    };
+    let mtime_ns = |path: &PathBuf| disk.stamp(path).unwrap().unwrap().mtime_ns;
+    let (old, busy, now, new) = (unfinished("1"), unfinished("2"), unfinished("3"), unfinished("4"));
+    let writer = disk.try_lock(&busy).unwrap();
+    let left_by = |clean: Option<i128>| {
+        disk.pass(Duration::from_secs(10));
+        run(&chains(&[("a", 0)], 0).0, &[], &Options { clean, ..options(1) }, &disk, &Silent).unwrap();
+        let mut left = disk.list("out".as_ref()).unwrap();
+        left.retain(|path| !path.ends_with("a"));
+        left
+    };
+    assert_eq!(left_by(None), [&old, &busy, &now, &new].map(PathBuf::clone));
+    // One may be killed and the next begin within one tick of the clock.
+    let begun = Some(mtime_ns(&now));
+    assert_eq!(left_by(begun), [&busy, &new].map(PathBuf::clone));
+    drop(writer);
+    assert_eq!(left_by(begun), [new]);
 }
 
 #[test]

@@ -160,6 +160,9 @@ fn write_whole(
         builder.permissions(fs::Permissions::from_mode(0o666));
     }
     let mut file = builder.tempfile_in(folder).map_err(plain)?;
+    // Tells whoever cleans up that somebody is still at work on it. Where a lock also keeps readers out, none is taken.
+    #[cfg(unix)]
+    let _ = file.as_file().try_lock();
     fill(&mut file).map_err(plain)?;
     if sync == Sync::Yes {
         file.as_file().sync_all()?;
@@ -223,6 +226,22 @@ mod tests {
         let error = Real.write(&target.join("inside/deeper"), b"new").unwrap_err();
         assert!(!error.to_string().contains("inside"), "{error}");
         assert_eq!(fs::read(target.join("inside")).unwrap(), b"kept");
+    }
+
+    #[test]
+    fn a_file_is_locked_while_it_is_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("file");
+        let fill = &mut |sink: &mut dyn Sink| {
+            sink.write_all(b"whole")?;
+            let unfinished = Real.list(folder.path())?;
+            assert!(unfinished.len() == 1 && is_temporary(unfinished[0].file_name().unwrap().to_str().unwrap()));
+            assert!(Real.try_lock(&unfinished[0])?.is_none());
+            Ok(())
+        };
+        Real.write_with(&target, fill).unwrap();
+        assert_eq!(Real.list(folder.path()).unwrap(), [&*target]);
+        assert!(Real.try_lock(&target).unwrap().is_some());
     }
 
     #[test]
