@@ -28,14 +28,8 @@ impl Graph {
         Self::new(std::iter::once(0).chain(ends).collect(), targets, offsets.to_vec())
     }
 
-    /// Any graph: the edges of node v are `starts[v]..starts[v + 1]`, each with its target and the offset there.
-    pub fn new(starts: Vec<u32>, targets: Vec<u32>, offsets: Vec<Vec2>) -> Self {
-        let vertices = (0..starts.len() as u32 - 1).collect();
-        Graph { starts, targets, offsets, vertices, parents: vec![] }
-    }
-
     /// Any graph: where each node's edges start (and at last their number), where they lead, the offsets along them.
-    pub fn of(starts: Vec<u32>, targets: Vec<u32>, offsets: Vec<Vec2>) -> Self {
+    pub fn new(starts: Vec<u32>, targets: Vec<u32>, offsets: Vec<Vec2>) -> Self {
         let vertices = (0..starts.len().saturating_sub(1) as u32).collect();
         Graph { starts, targets, offsets, vertices, parents: vec![] }
     }

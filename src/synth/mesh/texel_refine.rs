@@ -69,7 +69,7 @@ pub fn refine_texels(
         };
         return Err(Error::BoxTooLarge { vertex: v as u32, span: [span(|d| d.x), span(|d| d.y)], exemplar: size });
     }
-    refine_graph(jumps, metrics, Graph::of(starts, targets, offsets), &rooms, places, passes, coarsest_edge(size))
+    refine_graph(jumps, metrics, Graph::new(starts, targets, offsets), &rooms, places, passes, coarsest_edge(size))
 }
 
 #[cfg(test)]
