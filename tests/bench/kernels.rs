@@ -6,7 +6,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use kiln::bake::{self, Coverage, Extent, Library, UnwrapParams, bake_map, default_gutter_px, tangents};
-use kiln::exemplar::{AnalysisParams, TextonParams, analyse, analyse_textons, appearance};
+use kiln::exemplar::{AnalysisParams, JumpMap, TextonParams, analyse, analyse_textons, appearance};
 use kiln::field::{self, Field, SingularityConstraint, SingularityKind, Symmetry};
 use kiln::io::SampleType;
 use kiln::io::image_file::{Compression, Transfer, encode_exr, encode_png};
@@ -268,6 +268,28 @@ fn on_surface(bench: &Bench, name: &str, surface: &Surface, set: &MapSet, scale:
             par::install(1, || layered_sets(&mesh.faces, &sites, &address, size, Blend::Linear))
         });
     }
+    // What a recipe does without a correction: sites a thirty-second of the sample apart.
+    let (stored, spacing) = (map.to_bytes(), f64::from(size[0].min(size[1])) / 32.0);
+    let whole = || {
+        let map = JumpMap::from_bytes(&stored).expect("a jump map");
+        let topology = Topology::new(mesh);
+        let offsets = field::edge_offsets(mesh, &topology, &normals, &field, Symmetry::One);
+        let Some(sites) = Sites::new(&topology, &offsets, spacing, false) else {
+            let order = region_growing(&topology, &[]).expect("an order");
+            let address = walk(&map, &topology, &offsets, None, &order, &params).expect("a walk").address;
+            return corner_sets(&mesh.faces, &topology, &offsets, &address, size, Base::Three, Blend::Linear).ok();
+        };
+        let order = region_growing(&sites.topology, &[]).expect("an order");
+        let boxes = Some(&sites.boxes[..]);
+        let address = walk(&map, &sites.topology, &sites.offsets, boxes, &order, &params).expect("a walk").address;
+        layered_sets(&mesh.faces, &sites, &address, size, Blend::Linear).ok()
+    };
+    bench.run(
+        &format!("{name}: stored analysis to UV sets, one core"),
+        mesh.faces.len() as f64 / 1e6,
+        "Mface/s",
+        || par::install(1, whole),
+    );
     let layout = |side: u32| UnwrapParams {
         extent: Extent::Page(side),
         gutter_px: default_gutter_px(side),
