@@ -7,9 +7,12 @@
 use crate::numerics::vec::Vec3;
 
 mod align;
+mod constraint;
 mod edge_offset;
 mod error;
 mod orientation;
+#[cfg(test)]
+mod orientation_tests;
 mod prescribe;
 mod relax;
 mod scalar;
@@ -18,11 +21,10 @@ mod site;
 mod tangent;
 
 pub use align::Alignment;
+pub use constraint::{OrientationConstraint, SingularityConstraint, SingularityKind};
 pub use edge_offset::{edge_offsets, validity_boxes};
 pub use error::{Error, Which};
-pub use orientation::{
-    OrientationConstraint, SingularityConstraint, SingularityKind, orientation, orientation_in_areas,
-};
+pub use orientation::{orientation, orientation_in_areas};
 pub(crate) use relax::cotangent_weights;
 pub use scalar::{Elsewhere, ScalarConstraint, components_without, interpolate, scale};
 pub use singularity::{Singularity, singular_points, singularities, singularities_again};
