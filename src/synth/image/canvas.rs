@@ -363,7 +363,7 @@ mod tests {
     #[test]
     fn windows_and_strips_show_what_the_whole_shows() {
         let w = world();
-        for (size, tileable) in [([1300, 800], false), ([1100, 790], true), ([800, 300], true)] {
+        for (size, tileable) in [([1100, 700], false), ([1100, 560], true), ([600, 250], true)] {
             let t = task(&w, size, tileable, 1);
             let whole = ImageCanvas::new(t).unwrap().window(Rect::whole(size));
             assert!(whole.sources.iter().all(|s| *s != EMPTY), "{size:?}");
@@ -407,10 +407,10 @@ mod tests {
     fn threads_do_not_change_it() {
         let w = world();
         let run = |jobs| {
-            let t = task(&w, [1600, 800], true, 1);
-            par::install(jobs, || ImageCanvas::new(t).unwrap().window(Rect::whole([1600, 800])))
+            let t = task(&w, [1100, 560], true, 1);
+            par::install(jobs, || ImageCanvas::new(t).unwrap().window(Rect::whole([1100, 560])))
         };
-        assert!(run(1) == run(2) && run(1) == run(8));
+        assert!(run(1) == run(3));
     }
 
     #[test]
