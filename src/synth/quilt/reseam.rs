@@ -29,6 +29,9 @@ use crate::texture::texel;
 const REACH: f64 = 20.0;
 const MOST_FACES: usize = 512;
 
+/// Most patches of a window that are tried.
+const PATCHES: usize = 8;
+
 /// A window vouches for the seams in this part of its faces, the innermost.
 const INNER: usize = 4;
 
@@ -69,15 +72,18 @@ impl Window {
         &self.faces[..self.faces.len().div_ceil(INNER)]
     }
 
-    /// The patches, as shifts of the layout.
+    /// The patches with the most faces, as shifts of the layout. Where the surface is curved one patch has several.
     fn shifts(&self, places: &[Vec2]) -> Vec<Vec2> {
-        let mut out: Vec<Vec2> = vec![];
+        let mut found: Vec<(usize, Vec2)> = vec![];
         for shift in places.iter().zip(&self.laid).map(|(at, laid)| *at - *laid) {
-            if out.iter().all(|s| (*s - shift).length() > SAME) {
-                out.push(shift);
+            match found.iter_mut().find(|(_, s)| (*s - shift).length() <= SAME) {
+                Some((count, _)) => *count += 1,
+                None => found.push((1, shift)),
             }
         }
-        out
+        // Stable: the innermost of equals first.
+        found.sort_by_key(|(count, _)| std::cmp::Reverse(*count));
+        found.into_iter().take(PATCHES).map(|(_, shift)| shift).collect()
     }
 }
 
