@@ -119,7 +119,7 @@ size = 2048
 [[render]]                              # golden views
 view = "turntable-4"
 size = 512
-shading = "lit"                         # "unlit", "lit", "normal", "patches", "uv" or "field"
+shading = "lit"                         # "unlit", "lit", "normal", "patches", "uv", "field" or "edges"
 "##;
 
 #[cfg(test)]

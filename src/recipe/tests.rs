@@ -480,6 +480,12 @@ fn mistakes_are_named_with_place_and_remedy() {
             expected `analysis.method = \"material-space\"`, or \"field\" for the field's singularities",
         ),
         (
+            "shading = \"lit\"",
+            "shading = \"edges\"",
+            "56:11: `render[0]` shows what is blended over the edges of triangles, and nothing is: \
+            expected `analysis.method = \"texton\"`",
+        ),
+        (
             "at = [0, 0, 0], factor",
             "factor",
             "30:14: `field.scale[0]` needs a key `at`: expected an array of 3 \

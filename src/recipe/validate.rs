@@ -119,7 +119,7 @@ pub(super) fn recipe(name: String, path: PathBuf, from: schema::Recipe, context:
                 field: field_of(field.unwrap_or_default(), has_keys, context),
                 atlas: atlas.map(|atlas| atlas_of(atlas, &exemplar, context)),
                 uv_sets: uv_sets.map(|schema::UvSets { weld }| UvSets { weld }),
-                renders: renders_of(render, has_keys, context),
+                renders: renders_of(render, analysis.method, context),
             })
         }
     };
@@ -588,7 +588,7 @@ fn refuse_format(key: &str, format: ImageFormat, context: &mut Context) {
     }
 }
 
-fn renders_of(from: Vec<schema::Render>, has_keys: bool, context: &mut Context) -> Vec<Render> {
+fn renders_of(from: Vec<schema::Render>, method: Method, context: &mut Context) -> Vec<Render> {
     let mut out: Vec<Render> = Vec::with_capacity(from.len());
     for (i, schema::Render { view, camera, size, shading }) in from.into_iter().enumerate() {
         let key = format!("render[{i}]");
@@ -596,11 +596,19 @@ fn renders_of(from: Vec<schema::Render>, has_keys: bool, context: &mut Context) 
             Some(camera) => camera_of(&format!("{key}.camera"), camera, context),
             None => View::Turntable(view.map_or(DEFAULT_TURNTABLE, |text| turntable(&key, &text, context))),
         };
-        if shading == Shading::Singularities && !has_keys {
-            let message = format!("`{key}` shows the coordinates of a tile, and there is none");
-            let fault = context.fault(&format!("{key}.shading"), message).found("\"singularities\"");
-            let allowed = "`analysis.method = \"material-space\"`, or \"field\" for the field's singularities";
-            context.findings.push(fault.allowed(allowed));
+        let lacks = match shading {
+            Shading::Singularities if method != Method::MaterialSpace => Some((
+                "the coordinates of a tile, and there is none",
+                "`analysis.method = \"material-space\"`, or \"field\" for the field's singularities",
+            )),
+            Shading::Edges if method != Method::Texton => {
+                Some(("what is blended over the edges of triangles, and nothing is", "`analysis.method = \"texton\"`"))
+            }
+            _ => None,
+        };
+        if let Some((what, allowed)) = lacks {
+            let fault = context.fault(&format!("{key}.shading"), format!("`{key}` shows {what}"));
+            context.findings.push(fault.found(format!("{:?}", shading.name())).allowed(allowed));
         }
         let pixels = match view {
             View::Turntable(n) => u64::from(n) * u64::from(size) * u64::from(size),

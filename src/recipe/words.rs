@@ -203,6 +203,8 @@ words! {
         Field = "field",
         /// material-space: the grid of the tile, with poles and T-junctions marked and blended triangles tinted.
         Singularities = "singularities",
+        /// texton: triangles that are blended over their edges, by what their sides differ by: green a little, red much.
+        Edges = "edges",
     }
 
     /// A map as a file: one of the exemplar's, or one that goes out.

@@ -8,6 +8,7 @@
 //! Unaware of: files, recipes, how the texture was made.
 
 mod camera;
+mod edges;
 mod grid;
 mod light;
 mod look;
@@ -15,6 +16,7 @@ mod raster;
 mod strokes;
 
 pub use camera::{View, turntable};
+pub use edges::Edges;
 pub use grid::Grid;
 pub use look::{Appearance, AtlasLook, AtlasMaps, Hit, Look, SetsLook, synthesis_normals};
 pub use raster::render;

@@ -1,7 +1,8 @@
 //! Step: a golden view by the CPU renderer, encoded as PNG.
 //!
 //! Of an atlas bake it shows the finished maps as an engine would, else the UV sets. Pictures of patches always look
-//! through the UV sets, which alone know where a texel came from. Pictures of the field need neither.
+//! through the UV sets, which alone know where a texel came from; those of edges show the metric of the blend. Pictures of
+//! the field need neither.
 
 use crate::bake::{Atlas, pack_orm, tangents};
 use crate::build::{Inputs, Step, StepError, Visitor};
@@ -14,7 +15,7 @@ use crate::numerics::vec::Vec3;
 use crate::param::{Kind, Parametrization, Singularity};
 use crate::recipe::{self, Render, Shading};
 use crate::render::{
-    self, AtlasLook, AtlasMaps, Grid, Look, Mode, Scene, SetsLook, Strokes, View, synthesis_normals, turntable,
+    self, AtlasLook, AtlasMaps, Edges, Grid, Look, Mode, Scene, SetsLook, Strokes, View, synthesis_normals, turntable,
 };
 use crate::texture::Texture;
 
@@ -55,7 +56,7 @@ fn picture(view: &Render, surface: &Surface, mesh: &TriMesh, normals: &[Vec3], l
     };
     let mode = match view.shading {
         Shading::Unlit => Mode::Unlit,
-        Shading::Lit | Shading::Field | Shading::Singularities => Mode::Lit,
+        Shading::Lit | Shading::Field | Shading::Singularities | Shading::Edges => Mode::Lit,
         Shading::Normal => Mode::Normal,
         Shading::Patches => Mode::Patches,
         Shading::Uv => Mode::Uv,
@@ -162,7 +163,12 @@ impl Step for RenderView {
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
         let surface: Surface = super::read(inputs, 0)?;
         let through_sets = inputs.len() <= 4 || self.view.shading == Shading::Patches;
-        let shown = if through_sets {
+        let shown = if self.view.shading == Shading::Edges {
+            let prepared: Prepared = super::read(inputs, 1)?;
+            let synthesised: Synthesised = super::read(inputs, 2)?;
+            let normals = synthesis_normals(&prepared.mesh, &surface.corner_normals);
+            picture(&self.view, &surface, &prepared.mesh.mesh, &normals, &Edges::new(&synthesised.metric))
+        } else if through_sets {
             let prepared: Prepared = super::read(inputs, 1)?;
             let synthesised: Synthesised = super::read(inputs, 2)?;
             let normals = synthesis_normals(&prepared.mesh, &surface.corner_normals);

@@ -50,7 +50,7 @@ impl Artefact for Quilt {
 }
 
 impl Step for QuiltFaces {
-    super::step_identity!("quilt", 4, travels);
+    super::step_identity!("quilt", 5, travels);
 
     fn describe(&self, v: &mut dyn Visitor) {
         let QuiltParams { seed, candidates, refine, reach } = self.params;

@@ -32,9 +32,9 @@ pub(super) fn recut(
     passes: u32,
 ) -> Result<u64, Error> {
     let size = [map.width(), map.height()];
-    let rooms = par::map(facets.len(), |f| Room::new(&facets.local[f].map(|c| c - centre(facets, f)), size));
+    let rooms = par::map(facets.len(), |f| Room::new(&facets.local[f].map(|c| c - facets.centre(f)), size));
     let address = |f: usize| {
-        let p = at[f] + centre(facets, f);
+        let p = at[f] + facets.centre(f);
         rooms[f].nearest(texel(p.x as f32, p.y as f32))
     };
     let before: Vec<Texel> = par::map(facets.len(), address);
@@ -45,15 +45,11 @@ pub(super) fn recut(
         let by = vec2(f64::from(to.x) - f64::from(from.x), f64::from(to.y) - f64::from(from.y));
         // Addresses are coarser than places: what only continues stays as it is.
         if by.length() > SAME {
-            at[f] = vec2(to.x.into(), to.y.into()) - centre(facets, f);
+            at[f] = vec2(to.x.into(), to.y.into()) - facets.centre(f);
             moved += 1;
         }
     }
     Ok(moved)
-}
-
-fn centre(facets: &Facets, f: usize) -> Vec2 {
-    (facets.local[f][1] + facets.local[f][2]) * (1.0 / 3.0)
 }
 
 /// Faces as nodes; the offset between two leads over the middle of their edge.
@@ -62,7 +58,7 @@ fn graph(facets: &Facets) -> Graph {
     for f in 0..facets.len() {
         for (k, (g, j)) in (0..3).filter_map(|k| Some((k, facets.opposite(f, k)?))) {
             targets.push(g as u32);
-            offsets.push(facets.middle(f, k) - centre(facets, f) + centre(facets, g) - facets.middle(g, j));
+            offsets.push(facets.middle(f, k) - facets.centre(f) + facets.centre(g) - facets.middle(g, j));
         }
         starts.push(targets.len() as u32);
     }

@@ -81,6 +81,11 @@ impl Facets {
         (a + b) * 0.5
     }
 
+    /// The centre of a face, in its texture space.
+    pub fn centre(&self, face: usize) -> Vec2 {
+        (self.local[face][1] + self.local[face][2]) * (1.0 / 3.0)
+    }
+
     /// How the texture space across an edge is turned against this face's, in radians from x towards y: the edge's
     /// direction there minus here.
     pub fn turn(&self, face: usize, edge: usize) -> f64 {

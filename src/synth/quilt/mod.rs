@@ -15,13 +15,14 @@
 //!
 //! Beyond the paper, with `refine` > 0: pieces of several triangles (`patch`); passes in which every piece is opened again
 //! and searched with all its neighbours known, shifts of its present place by up to two texels among the candidates;
-//! minimum cuts (`cut`); seams led around features (`seam`). With `refine` = 0 the result is the published method's.
+//! minimum cuts by faces (`cut`) and along seams (`reseam`). With `refine` = 0 the result is the published method's.
 //! Unaware of: positions, colours.
 
 pub mod blend;
 mod cut;
 pub mod frame;
 mod patch;
+mod reseam;
 mod seam;
 pub mod texton_string;
 
@@ -106,8 +107,6 @@ const ROUND_SHARE_OF_ONE: f64 = 0.4;
 const MOST_OF_SIDE: f64 = 0.6;
 /// Continuations nearer to each other than this, in texels, are one.
 const ONE_PLACE: f64 = 1.0;
-/// Passes along seams for each pass over pieces.
-const SEAM_PASSES: u32 = 6;
 /// A closing is bad if it differs from its neighbours by more than this part of what unrelated texels do.
 const BAD: f64 = 1.0 / 3.0;
 /// A reopened piece moves if its error falls below this part of the present one.
@@ -171,8 +170,8 @@ fn quilt_in_order(
         job.reopen();
         if let Some(metrics) = metrics {
             job.counters.recut = cut::recut(map, metrics, facets, &mut job.at, params.refine)?;
+            job.counters.relaxed = reseam::reseam(map, metrics, facets, &mut job.at, params.refine);
         }
-        job.counters.relaxed = seam::relax(map, facets, &mut job.at, params.refine.saturating_mul(SEAM_PASSES));
     }
     Ok(Quilt { at: job.at, counters: job.counters })
 }

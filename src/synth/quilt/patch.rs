@@ -127,15 +127,14 @@ fn lay(
     near: impl Fn(Vec2) -> bool,
     mut beyond: impl FnMut(usize),
 ) {
-    let centre = |f: usize| (facets.local[f][1] + facets.local[f][2]) * (1.0 / 3.0);
-    let origin = centre(seed);
+    let origin = facets.centre(seed);
     (rel[seed], of[seed]) = (Vec2::ZERO, to);
     let mut queue = VecDeque::from([seed]);
     while let Some(f) = queue.pop_front() {
         for k in 0..3 {
             let Some((g, j)) = facets.opposite(f, k).filter(|(g, _)| of[*g] == NONE) else { continue };
             let at = beside(facets, f, k, g, j, rel[f]);
-            if near(at + centre(g) - origin) {
+            if near(at + facets.centre(g) - origin) {
                 (rel[g], of[g]) = (at, to);
                 queue.push_back(g);
             } else {
