@@ -118,20 +118,33 @@ impl Artefact for Surface {
     }
 }
 
+/// Corners of a face that is one of the input.
+const WHOLE: [[f32; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
 impl Artefact for SynthesisMesh {
-    const TAG: [u8; 4] = *b"mesh";
+    const TAG: [u8; 4] = *b"msh2";
 
     fn write(&self, w: &mut Writer) {
         write_mesh(&self.mesh, w);
         w.slice(&self.parent);
-        w.slice(&self.parent_bary);
+        // Most faces are whole ones of the input.
+        let is_whole = |b: &[[f32; 3]; 3]| {
+            b.as_flattened().iter().zip(WHOLE.as_flattened()).all(|(a, b)| a.to_bits() == b.to_bits())
+        };
+        let pieces = || (0..).zip(&self.parent_bary).filter(|(_, bary)| !is_whole(bary));
+        w.slice(&pieces().map(|(f, _)| f).collect::<Vec<u32>>());
+        w.slice(&pieces().map(|(_, bary)| *bary).collect::<Vec<_>>());
     }
 
     fn read(r: &mut Reader<'_>) -> Result<Self, Damaged> {
-        let m = SynthesisMesh { mesh: read_mesh(r)?, parent: r.slice()?, parent_bary: r.slice()? };
-        let n = m.mesh.faces.len();
-        check(m.parent.len() == n && m.parent_bary.len() == n, "one parent per face")?;
-        Ok(m)
+        let (mesh, parent): (_, Vec<u32>) = (read_mesh(r)?, r.slice()?);
+        let (pieces, bary): (Vec<u32>, Vec<[[f32; 3]; 3]>) = (r.slice()?, r.slice()?);
+        check(parent.len() == mesh.faces.len() && pieces.len() == bary.len(), "one parent per face")?;
+        let mut parent_bary = vec![WHOLE; parent.len()];
+        for (f, bary) in pieces.into_iter().zip(bary) {
+            *parent_bary.get_mut(f as usize).ok_or_else(|| Damaged(format!("no face {f}")))? = bary;
+        }
+        Ok(SynthesisMesh { mesh, parent, parent_bary })
     }
 }
 
@@ -391,8 +404,8 @@ mod tests {
             (MapKind::BaseColor, Texture::new(2, 1, 3)),
         ]);
         assert_eq!(MapSet::from_bytes(&maps.to_bytes()), Ok(maps));
-        let mesh = TriMesh { positions: vec![vec3(0.0, 0.0, 1.0); 3], faces: vec![[0, 1, 2]] };
-        let m = SynthesisMesh { mesh, parent: vec![0], parent_bary: vec![[[1.0, 0.0, 0.0]; 3]] };
+        let mesh = TriMesh { positions: vec![vec3(0.0, 0.0, 1.0); 3], faces: vec![[0, 1, 2]; 3] };
+        let m = SynthesisMesh { mesh, parent: vec![0, 0, 1], parent_bary: vec![WHOLE, [[1.0, 0.0, 0.0]; 3], WHOLE] };
         assert_eq!(SynthesisMesh::from_bytes(&m.to_bytes()), Ok(m));
         let found = Singularity { at: vec3(1.0, 2.0, 3.0), index: -0.5, face: 7 };
         let field = Field { up: vec![vec3(0.0, 1.0, 0.0)], scale: vec![2.0] };
