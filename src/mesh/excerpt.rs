@@ -21,6 +21,25 @@ impl Excerpt {
     /// The faces at `around`, in any order.
     pub fn new(mesh: &TriMesh, topo: &Topology, around: &[u32]) -> Self {
         let faces = sorted(around.iter().flat_map(|&v| topo.faces(v)).copied());
+        Excerpt::of_faces(mesh, faces, around)
+    }
+
+    /// The faces at `around` and at their neighbours, found without the mesh's topology by going through all faces.
+    pub fn with_neighbours(mesh: &TriMesh, around: &[u32]) -> Self {
+        let mut near = vec![false; mesh.positions.len()];
+        around.iter().for_each(|&v| near[v as usize] = true);
+        let at = |near: &[bool]| {
+            let is_near = |&f: &u32| mesh.faces[f as usize].iter().any(|&v| near[v as usize]);
+            (0..mesh.faces.len() as u32).filter(is_near).collect::<Vec<u32>>()
+        };
+        for f in at(&near) {
+            mesh.faces[f as usize].iter().for_each(|&v| near[v as usize] = true);
+        }
+        Excerpt::of_faces(mesh, at(&near), around)
+    }
+
+    /// Some faces, ascending, and the vertices `around`.
+    fn of_faces(mesh: &TriMesh, faces: Vec<u32>, around: &[u32]) -> Self {
         let corners = |&f: &u32| mesh.faces[f as usize];
         let vertices = sorted(faces.iter().flat_map(corners).chain(around.iter().copied()));
         let own = |v: u32| vertices.partition_point(|&u| u < v) as u32;
@@ -72,6 +91,18 @@ mod tests {
                 let near: Vec<u32> = piece.topo.neighbours(own).iter().map(|&n| piece.vertices[n as usize]).collect();
                 assert_eq!(near, topo.neighbours(v), "{name} {v}");
             }
+        }
+    }
+
+    #[test]
+    fn neighbours_are_found_without_the_topology() {
+        for (name, mesh) in zoo::all() {
+            let topo = Topology::new(&mesh);
+            let around: Vec<u32> = (0..topo.vertex_count() as u32).step_by(7).collect();
+            let near = around.iter().flat_map(|&v| topo.neighbours(v)).chain(&around).copied();
+            let (all, found) = (sorted(near), Excerpt::with_neighbours(&mesh, &around));
+            let expected = Excerpt::new(&mesh, &topo, &all);
+            assert_eq!((found.faces, found.vertices), (expected.faces, expected.vertices), "{name}");
         }
     }
 }

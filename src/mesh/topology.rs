@@ -1,6 +1,7 @@
 //! Which faces and vertices meet at each vertex. Works for any mesh, manifold or not.
 
 use super::TriMesh;
+use crate::numerics::par;
 
 /// Adjacency in compressed rows: the neighbours and faces of a vertex, each sorted, without repeats.
 ///
@@ -15,11 +16,10 @@ pub struct Topology {
 }
 
 impl Topology {
-    /// Builds the rows in time linear in the faces.
+    /// Builds the rows in time linear in the faces, but for sorting each row.
     pub fn new(mesh: &TriMesh) -> Self {
-        let n = mesh.positions.len();
-        let (starts, neighbours) = neighbours(n, &mesh.faces);
-        let (face_starts, faces) = rows(n, |pair| each_corner(&mesh.faces, pair));
+        let (face_starts, faces) = rows(mesh.positions.len(), |pair| each_corner(&mesh.faces, pair));
+        let (starts, neighbours) = neighbours(&mesh.faces, &face_starts, &faces);
         Topology { starts, neighbours, face_starts, faces }
     }
 
@@ -65,35 +65,36 @@ impl Topology {
     }
 }
 
-/// The neighbours of each vertex: where each row starts, and the rows.
-fn neighbours(n: usize, faces: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
-    // Each vertex's neighbours as they come, repeated; then, vertex by vertex, what has it as a neighbour: that is
-    // the same, ascending.
-    let (mut starts, unsorted) = rows(n, |pair| each_pair(faces, pair));
-    let mut fill = starts.clone();
-    let mut sorted = vec![0u32; unsorted.len()];
-    for v in 0..n {
-        for &row in &unsorted[starts[v] as usize..starts[v + 1] as usize] {
-            let (first, end) = (starts[row as usize] as usize, fill[row as usize] as usize);
-            if end == first || sorted[end - 1] != v as u32 {
-                sorted[end] = v as u32;
-                fill[row as usize] += 1;
+/// Vertices whose neighbours are gathered at once.
+const CHUNK: usize = 4096;
+
+/// The neighbours of each vertex, from the faces at it: where each row starts, and the rows. (Faces at a vertex lie close
+/// together in memory; to sort all pairs of neighbours by counting took twice as long.)
+fn neighbours(corners: &[[u32; 3]], face_starts: &[u32], faces: &[u32]) -> (Vec<u32>, Vec<u32>) {
+    let n = face_starts.len() - 1;
+    let chunks = par::map_chunks(n, CHUNK, |vertices| {
+        let (mut ends, mut all) = (Vec::with_capacity(vertices.len()), Vec::with_capacity(7 * vertices.len()));
+        let mut row: Vec<u32> = vec![];
+        for v in vertices {
+            row.clear();
+            for &f in &faces[face_starts[v] as usize..face_starts[v + 1] as usize] {
+                row.extend(corners[f as usize].iter().filter(|&&c| c != v as u32));
             }
+            row.sort_unstable();
+            row.dedup();
+            all.extend_from_slice(&row);
+            ends.push(all.len() as u32);
         }
+        (ends, all)
+    });
+    let mut starts = Vec::with_capacity(n + 1);
+    starts.push(0);
+    for (ends, _) in &chunks {
+        let before = starts[starts.len() - 1];
+        starts.extend(ends.iter().map(|end| before + end));
     }
-    drop(unsorted);
-    // Closes the gaps that repeats left.
-    let mut packed = 0;
-    for v in 0..n {
-        let row = starts[v] as usize..fill[v] as usize;
-        starts[v] = packed as u32;
-        packed += row.len();
-        sorted.copy_within(row.clone(), packed - row.len());
-    }
-    starts[n] = packed as u32;
-    sorted.truncate(packed);
-    sorted.shrink_to_fit();
-    (starts, sorted)
+    let rows: Vec<&[u32]> = chunks.iter().map(|(_, all)| &all[..]).collect();
+    (starts, rows.concat())
 }
 
 /// Rows of entries in the order of their pairs (row, entry): where each row starts, and the rows. `each` calls with every pair.
@@ -112,18 +113,6 @@ fn rows(n: usize, each: impl Fn(&mut dyn FnMut(u32, u32))) -> (Vec<u32>, Vec<u32
         fill[row as usize] += 1;
     });
     (starts, entries)
-}
-
-/// Both directions of each face's edges.
-fn each_pair(faces: &[[u32; 3]], pair: &mut dyn FnMut(u32, u32)) {
-    for &[a, b, c] in faces {
-        for (a, b) in [(a, b), (b, c), (c, a)] {
-            if a != b {
-                pair(a, b);
-                pair(b, a);
-            }
-        }
-    }
 }
 
 /// Each vertex of each face, with the face.

@@ -23,6 +23,7 @@ mod singular;
 #[cfg(test)]
 mod tests;
 
+pub use effect::{Change, Locked, follow};
 pub use error::Error;
 pub use material::{material, wandering};
 pub use periodic::Phases;
@@ -43,16 +44,25 @@ pub struct Parametrization {
     pub tile: [u32; 2],
     /// s and t of each vertex as angles: numbers of absolute value 1; 1 where no face is.
     pub phases: Vec<Phases>,
-    /// The same in periods, -0.5..=0.5.
-    pub at: Vec<Vec2>,
-    /// Wanted change along each half-edge, in the frame of its vertex.
-    pub steps: Vec<Vec2>,
     /// Coordinates of each face's corners, in the frame of the first.
     pub corners: Vec<[Vec2; 3]>,
     /// What is wrong with each face.
     pub faults: Vec<Fault>,
     /// Vertices whose 1-ring holds a face at fault.
     pub invalid: Vec<bool>,
+    /// Along all edges of these, ascending.
+    pub steps: Vec<Step>,
+}
+
+/// The wanted change along an edge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// From this vertex, in whose frame it is.
+    pub from: u32,
+    /// To that one.
+    pub to: u32,
+    /// In periods.
+    pub by: Vec2,
 }
 
 /// Lays periodic coordinates over a mesh: s grows to the right of the field and t against it, both by one period for
@@ -105,7 +115,14 @@ fn finish(wanted: &Wanted<'_>, guide: guide::Guide, phases: Vec<Phases>) -> Para
     for (face, _) in mesh.faces.iter().zip(&faults).filter(|(_, fault)| !fault.none()) {
         face.iter().for_each(|&v| invalid[v as usize] = true);
     }
-    Parametrization { tile: wanted.tile, phases, at, steps: guide.steps, corners, faults, invalid }
+    let centres = (0..phases.len() as u32).filter(|&v| invalid[v as usize]);
+    let steps = centres.flat_map(|v| steps_around(topo, v, &guide.steps)).collect();
+    Parametrization { tile: wanted.tile, phases, corners, faults, invalid, steps }
+}
+
+/// The steps along the edges of a vertex.
+fn steps_around<'a>(topo: &'a Topology, v: u32, steps: &'a [Vec2]) -> impl Iterator<Item = Step> {
+    topo.half_edges(v).map(move |h| Step { from: v, to: topo.target(h), by: steps[h] })
 }
 
 fn check(wanted: &Wanted<'_>) -> Result<(), Error> {

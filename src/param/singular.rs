@@ -8,7 +8,7 @@
 //! Unaware of: how the coordinates were found.
 
 use super::guide::Wanted;
-use super::{Around, Error, Parametrization};
+use super::{Around, Error, Parametrization, recover};
 use crate::mesh::{Topology, TriMesh};
 use crate::numerics::par;
 use crate::numerics::vec::{Vec2, Vec3};
@@ -143,19 +143,19 @@ fn place(mesh: &TriMesh, topo: &Topology, faults: &[Fault], field: &[u32], membe
 impl Parametrization {
     /// The coordinates for every output: one set where all three 1-rings are valid, else three, each as its corner sees
     /// it and weighed by the barycentric coordinate. `material` is m at the vertices.
-    pub fn sets(&self, mesh: &TriMesh, topo: &Topology, material: &[f32]) -> Result<UvSets, Error> {
+    pub fn sets(&self, mesh: &TriMesh, material: &[f32]) -> Result<UvSets, Error> {
         let (found, expected) = (mesh.faces.len(), self.corners.len());
         if found != expected {
             return Err(Error::Mismatch { what: "faces", found, expected });
         }
-        if material.len() != topo.vertex_count() {
-            return Err(Error::Mismatch { what: "materials", found: material.len(), expected: topo.vertex_count() });
+        if material.len() != self.phases.len() {
+            return Err(Error::Mismatch { what: "materials", found: material.len(), expected: self.phases.len() });
         }
         let three = (0..found).any(|f| self.look_ups(mesh, f) == 3);
         let count = if three { 3 } else { 1 };
         let [w, h] = self.tile.map(f64::from);
         let rows = par::map(found, |f| {
-            let views: [[Vec2; 3]; 3] = std::array::from_fn(|k| near_zero(self.seen_from(mesh, topo, f, k)));
+            let views: [[Vec2; 3]; 3] = std::array::from_fn(|k| near_zero(self.seen_from(mesh, f, k)));
             let shown = self.look_ups(mesh, f);
             std::array::from_fn::<_, 3, _>(|corner| {
                 let at = std::array::from_fn::<_, 3, _>(|set| {
@@ -183,16 +183,17 @@ impl Parametrization {
     }
 
     /// Coordinates of a face as its corner `k` sees them: those of the face, or of the corner's own 1-ring.
-    fn seen_from(&self, mesh: &TriMesh, topo: &Topology, face: usize, k: usize) -> [Vec2; 3] {
+    fn seen_from(&self, mesh: &TriMesh, face: usize, k: usize) -> [Vec2; 3] {
         let corners = mesh.faces[face];
         let v = corners[k];
         if !self.invalid[v as usize] {
             return self.corners[face];
         }
-        corners.map(|c| {
-            let step = topo.find(v, c).map_or(Vec2::ZERO, |h| self.steps[h]);
-            self.at[v as usize] + step
-        })
+        let at = recover::periods(&self.phases[v as usize]);
+        let step = |c: u32| {
+            self.steps.binary_search_by_key(&(v, c), |s| (s.from, s.to)).map_or(Vec2::ZERO, |i| self.steps[i].by)
+        };
+        corners.map(|c| at + step(c))
     }
 }
 

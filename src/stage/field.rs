@@ -2,10 +2,11 @@
 
 use crate::build::{Inputs, Step, StepError, Visitor};
 use crate::field::{
-    self, Alignment, Field, Laid, OrientationConstraint, ScalarConstraint, SingularityConstraint, Symmetry,
+    self, Alignment, Field, Laid, OrientationConstraint, ScalarConstraint, Singularity, SingularityConstraint, Symmetry,
 };
-use crate::io::artefact::Artefact;
+use crate::io::artefact::{Artefact, Damaged, Reader, Writer};
 use crate::mesh::{Topology, check::census};
+use crate::numerics::vec::Vec3;
 
 use super::prepare::Prepared;
 
@@ -49,8 +50,90 @@ impl Step for LayField {
     }
 }
 
+/// What constraints with a radius change in the field of those without.
+pub(super) struct FieldChange {
+    /// Vertices whose direction changes, ascending.
+    up: Vec<(u32, Vec3)>,
+    /// Vertices whose scale changes, ascending.
+    scale: Vec<(u32, f32)>,
+    /// As in [`Laid`], of all of the surface.
+    turning: Vec<(u32, f64)>,
+    singularities: Vec<Singularity>,
+}
+
+impl FieldChange {
+    fn new(before: &Field, after: &Field, turning: Vec<(u32, f64)>, singularities: Vec<Singularity>) -> Self {
+        let vertices = || 0..after.up.len() as u32;
+        let (up, scale) = (|v: u32| after.up[v as usize], |v: u32| after.scale[v as usize]);
+        FieldChange {
+            up: vertices().filter(|&v| up(v) != before.up[v as usize]).map(|v| (v, up(v))).collect(),
+            scale: vertices().filter(|&v| scale(v) != before.scale[v as usize]).map(|v| (v, scale(v))).collect(),
+            turning,
+            singularities,
+        }
+    }
+
+    /// Makes the change.
+    pub fn apply(&self, field: &mut Field) -> Result<(), Damaged> {
+        let beyond = |v: u32| Damaged(format!("vertex {v} of a field of {}", field.up.len()));
+        if let Some(v) = self.up.iter().map(|c| c.0).chain(self.scale.iter().map(|c| c.0)).max()
+            && v as usize >= field.up.len()
+        {
+            return Err(beyond(v));
+        }
+        self.up.iter().for_each(|&(v, up)| field.up[v as usize] = up);
+        self.scale.iter().for_each(|&(v, scale)| field.scale[v as usize] = scale);
+        Ok(())
+    }
+}
+
+impl Artefact for FieldChange {
+    const TAG: [u8; 4] = *b"fldc";
+
+    fn write(&self, to: &mut Writer) {
+        to.slice(&self.up.iter().map(|c| c.0).collect::<Vec<_>>());
+        to.slice(&self.up.iter().map(|c| c.1).collect::<Vec<_>>());
+        to.slice(&self.scale.iter().map(|c| c.0).collect::<Vec<_>>());
+        to.slice(&self.scale.iter().map(|c| c.1).collect::<Vec<_>>());
+        to.slice(&self.turning.iter().map(|t| t.0).collect::<Vec<_>>());
+        to.slice(&self.turning.iter().map(|t| t.1).collect::<Vec<_>>());
+        to.put(self.singularities.len() as u64);
+        for Singularity { at, index, face } in &self.singularities {
+            to.put(*at);
+            to.put(*index);
+            to.put(*face);
+        }
+    }
+
+    fn read(from: &mut Reader<'_>) -> Result<Self, Damaged> {
+        fn pairs<T: bytemuck::Pod>(from: &mut Reader<'_>) -> Result<Vec<(u32, T)>, Damaged> {
+            let (at, values): (Vec<u32>, Vec<T>) = (from.slice()?, from.slice()?);
+            let fits = at.len() == values.len();
+            if fits { Ok(at.into_iter().zip(values).collect()) } else { Err(Damaged("values without a place".into())) }
+        }
+        let (up, scale, turning) = (pairs(from)?, pairs(from)?, pairs(from)?);
+        let mut singularities = Vec::new();
+        for _ in 0..from.get::<u64>()? {
+            singularities.push(Singularity { at: from.get()?, index: from.get()?, face: from.get()? });
+        }
+        Ok(FieldChange { up, scale, turning, singularities })
+    }
+}
+
+/// The field that is input `index`, changed by the next one if that is a change; and the index after them.
+pub(super) fn laid(inputs: &Inputs, index: usize) -> Result<(Laid, usize), StepError> {
+    let mut laid: Laid = super::read(inputs, index)?;
+    if index + 1 == inputs.len() || !FieldChange::is_one(&inputs[index + 1]) {
+        return Ok((laid, index + 1));
+    }
+    let change: FieldChange = super::read(inputs, index + 1)?;
+    change.apply(&mut laid.field)?;
+    (laid.turning, laid.singularities) = (change.turning, change.singularities);
+    Ok((laid, index + 2))
+}
+
 /// The field within the areas of constraints with a radius, again: reads the synthesis mesh and the field of those
-/// without.
+/// without. Gives what changes.
 pub(super) struct LayAreas(pub LayField);
 
 impl Step for LayAreas {
@@ -63,7 +146,7 @@ impl Step for LayAreas {
     }
 
     fn revision(&self) -> u32 {
-        2
+        3
     }
 
     fn describe(&self, v: &mut dyn Visitor) {
@@ -81,7 +164,7 @@ impl Step for LayAreas {
         let changed: Vec<u32> = (0..after.len() as u32).filter(|&v| up[v as usize] != after[v as usize]).collect();
         let turning = field::singularities_again(on, &after, *symmetry, &changed, &before.turning);
         let singularities = field::singular_points(mesh, &turning);
-        let scale = field::scale(mesh, &topo, ground.scale, scale)?;
-        Ok(Laid { field: Field { up: after, scale }, turning, singularities, ..before }.to_bytes())
+        let after = Field { up: after, scale: field::scale(mesh, &topo, ground.scale, scale)? };
+        Ok(FieldChange::new(&before.field, &after, turning, singularities).to_bytes())
     }
 }

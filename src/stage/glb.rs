@@ -155,7 +155,7 @@ fn sample_maps(recipe: &str, maps: &MapSet) -> Result<(BakedMaps, Means), StepEr
 }
 
 impl Step for UvSetsGlb {
-    super::step_identity!("uv sets glb", 2);
+    super::step_identity!("uv sets glb", 3);
 
     fn describe(&self, v: &mut dyn Visitor) {
         v.param("name", &self.recipe);

@@ -7,12 +7,13 @@
 use crate::build::{Inputs, Step, StepError, Visitor};
 use crate::field::{Laid, ScalarConstraint, components_without};
 use crate::io::artefact::{Artefact, Damaged, Reader, Writer};
-use crate::mesh::Topology;
+use crate::mesh::{Topology, TriMesh};
 use crate::numerics::csr::complex;
 use crate::numerics::vec::Vec2;
-use crate::param::{self, Around, Fault, Parametrization, Singularity, singular_places};
+use crate::param::{self, Around, Change, Fault, Locked, Parametrization, Phases, Singularity, singular_places};
 use crate::texture::MapSet;
 
+use super::field::FieldChange;
 use super::prepare::Prepared;
 use super::synthesise::{Counters, Synthesised};
 use super::tile::MadeTile;
@@ -51,47 +52,148 @@ impl Source {
 }
 
 impl Artefact for Parametrization {
-    const TAG: [u8; 4] = *b"para";
+    const TAG: [u8; 4] = *b"par2";
 
     fn write(&self, to: &mut Writer) {
+        to.reserve(96 * self.phases.len() + 64 * self.corners.len());
         to.put(self.tile);
-        to.slice(&self.phases.iter().map(|[s, t]| [s.re, s.im, t.re, t.im]).collect::<Vec<_>>());
-        to.slice(&self.at);
-        to.slice(&self.steps);
+        to.slice(&self.phases.iter().map(plain).collect::<Vec<_>>());
+        // Few faces are at fault.
+        let faults: Vec<(u32, Fault)> = (0..).zip(self.faults.iter().copied()).filter(|(_, f)| !f.none()).collect();
+        write_faults(&faults, to);
         to.slice(&self.corners);
-        let fault = |f: &Fault| {
-            let Around { periods, quarters } = f.around;
-            [i32::from(f.distorted), periods[0], periods[1], i32::from(quarters)]
-        };
-        to.slice(&self.faults.iter().map(fault).collect::<Vec<_>>());
         to.slice(&self.invalid.iter().map(|i| u8::from(*i)).collect::<Vec<_>>());
+        write_steps(&self.steps, to);
     }
 
     fn read(from: &mut Reader<'_>) -> Result<Self, Damaged> {
-        let tile = from.get()?;
-        let phases: Vec<[f64; 4]> = from.slice()?;
-        let at: Vec<Vec2> = from.slice()?;
-        let steps: Vec<Vec2> = from.slice()?;
+        let (tile, phases, faults) = read_angles(from)?;
         let corners: Vec<[Vec2; 3]> = from.slice()?;
-        let faults: Vec<[i32; 4]> = from.slice()?;
         let invalid: Vec<u8> = from.slice()?;
-        if (at.len(), invalid.len(), faults.len()) != (phases.len(), phases.len(), corners.len()) {
+        let steps = read_steps(from)?;
+        if invalid.len() != phases.len() {
             return Err(Damaged("coordinates that do not fit each other".into()));
         }
-        let fault = |[distorted, s, t, quarters]: [i32; 4]| Fault {
-            distorted: distorted != 0,
-            around: Around { periods: [s, t], quarters: quarters as u8 },
-        };
+        let faults = spread(&faults, corners.len())?;
         Ok(Parametrization {
             tile,
-            phases: phases.into_iter().map(|[a, b, c, d]| [complex(a, b), complex(c, d)]).collect(),
-            at,
-            steps,
+            phases,
             corners,
-            faults: faults.into_iter().map(fault).collect(),
+            faults,
             invalid: invalid.into_iter().map(|i| i != 0).collect(),
+            steps,
         })
     }
+}
+
+impl Artefact for Change {
+    const TAG: [u8; 4] = *b"chng";
+
+    fn write(&self, to: &mut Writer) {
+        to.slice(&self.phases.iter().map(|v| v.0).collect::<Vec<_>>());
+        to.slice(&self.phases.iter().map(|v| plain(&v.1)).collect::<Vec<_>>());
+        to.slice(&self.faces.iter().map(|f| f.0).collect::<Vec<_>>());
+        to.slice(&self.faces.iter().map(|f| f.1).collect::<Vec<_>>());
+        write_faults(&self.faces.iter().map(|f| (f.0, f.2)).collect::<Vec<_>>(), to);
+        to.slice(&self.invalid.iter().map(|&(v, invalid)| [v, u32::from(invalid)]).collect::<Vec<_>>());
+        write_steps(&self.steps, to);
+    }
+
+    fn read(from: &mut Reader<'_>) -> Result<Self, Damaged> {
+        let (vertices, phases): (Vec<u32>, Vec<[f64; 4]>) = (from.slice()?, from.slice()?);
+        let (faces, corners): (Vec<u32>, Vec<[Vec2; 3]>) = (from.slice()?, from.slice()?);
+        let faults = read_faults(from)?;
+        let invalid: Vec<[u32; 2]> = from.slice()?;
+        let steps = read_steps(from)?;
+        if (vertices.len(), corners.len(), faults.len()) != (phases.len(), faces.len(), faces.len()) {
+            return Err(Damaged("a change that does not fit itself".into()));
+        }
+        Ok(Change {
+            phases: vertices.into_iter().zip(phases.into_iter().map(angles)).collect(),
+            faces: faces
+                .into_iter()
+                .zip(corners)
+                .zip(faults)
+                .map(|((f, corners), fault)| (f, corners, fault.1))
+                .collect(),
+            invalid: invalid.into_iter().map(|[v, invalid]| (v, invalid != 0)).collect(),
+            steps,
+        })
+    }
+}
+
+fn plain([s, t]: &Phases) -> [f64; 4] {
+    [s.re, s.im, t.re, t.im]
+}
+
+fn angles([a, b, c, d]: [f64; 4]) -> Phases {
+    [complex(a, b), complex(c, d)]
+}
+
+fn write_faults(faults: &[(u32, Fault)], to: &mut Writer) {
+    let plain = |&(face, Fault { distorted, around: Around { periods, quarters } }): &(u32, Fault)| {
+        [face as i32, i32::from(distorted), periods[0], periods[1], i32::from(quarters)]
+    };
+    to.slice(&faults.iter().map(plain).collect::<Vec<_>>());
+}
+
+fn read_faults(from: &mut Reader<'_>) -> Result<Vec<(u32, Fault)>, Damaged> {
+    let fault = |[face, distorted, s, t, quarters]: [i32; 5]| {
+        let around = Around { periods: [s, t], quarters: quarters as u8 };
+        (face as u32, Fault { distorted: distorted != 0, around })
+    };
+    Ok(from.slice()?.into_iter().map(fault).collect())
+}
+
+/// One for every face.
+fn spread(faults: &[(u32, Fault)], faces: usize) -> Result<Vec<Fault>, Damaged> {
+    let mut out = vec![Fault::default(); faces];
+    for (face, fault) in faults {
+        *out.get_mut(*face as usize).ok_or_else(|| Damaged(format!("face {face} of {faces}")))? = *fault;
+    }
+    Ok(out)
+}
+
+fn write_steps(steps: &[param::Step], to: &mut Writer) {
+    to.slice(&steps.iter().map(|s| [s.from, s.to]).collect::<Vec<_>>());
+    to.slice(&steps.iter().map(|s| s.by).collect::<Vec<_>>());
+}
+
+fn read_steps(from: &mut Reader<'_>) -> Result<Vec<param::Step>, Damaged> {
+    let (ends, by): (Vec<[u32; 2]>, Vec<Vec2>) = (from.slice()?, from.slice()?);
+    if ends.len() != by.len() {
+        return Err(Damaged("steps without an end".into()));
+    }
+    Ok(ends.into_iter().zip(by).map(|([from, to], by)| param::Step { from, to, by }).collect())
+}
+
+/// Texels in a period, angles, and faces at fault.
+type Angles = ([u32; 2], Vec<Phases>, Vec<(u32, Fault)>);
+
+/// The beginning of coordinates.
+fn read_angles(from: &mut Reader<'_>) -> Result<Angles, Damaged> {
+    let (tile, phases): (_, Vec<[f64; 4]>) = (from.get()?, from.slice()?);
+    Ok((tile, phases.into_iter().map(angles).collect(), read_faults(from)?))
+}
+
+/// Texels in a period, angles, and what is wrong with each face.
+type Solved = ([u32; 2], Vec<Phases>, Vec<Fault>);
+
+/// What an effect area needs of coordinates.
+fn solved(bytes: &[u8]) -> Result<Solved, Damaged> {
+    let mut from = Parametrization::open(bytes)?;
+    let (tile, phases, faults) = read_angles(&mut from)?;
+    let faces = from.pass::<[Vec2; 3]>()?;
+    Ok((tile, phases, spread(&faults, faces)?))
+}
+
+/// The coordinates that are input `index`, changed by the next one if that is a change.
+pub(super) fn coordinates(inputs: &Inputs, index: usize) -> Result<Parametrization, StepError> {
+    let mut coordinates: Parametrization = super::read(inputs, index)?;
+    if index + 1 < inputs.len() && Change::is_one(&inputs[index + 1]) {
+        coordinates.apply(&super::read(inputs, index + 1)?)?;
+    }
+    Ok(coordinates)
 }
 
 /// Lays coordinates over the whole mesh: reads the synthesis mesh and the field of all constraints without a radius.
@@ -100,42 +202,43 @@ pub(super) struct Parametrise {
 }
 
 impl Step for Parametrise {
-    super::step_identity!("parametrise", 3, travels);
+    super::step_identity!("parametrise", 4, travels);
 
     fn describe(&self, _: &mut dyn Visitor) {}
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
-        let prepared: Prepared = super::read(inputs, 0)?;
+        let prepared = Prepared::ground(&inputs[0])?;
         let Laid { field, normals, symmetry, .. } = super::read(inputs, 1)?;
-        let mesh = &prepared.mesh.mesh;
+        let mesh = &prepared.mesh;
         let topo = Topology::new(mesh);
         Ok(param::parametrize(mesh, &topo, &normals, &field, symmetry, prepared.exemplar_size)?.to_bytes())
     }
 }
 
-/// Solves effect areas again: reads the synthesis mesh, the coordinates, the field that they follow and that of all
-/// constraints.
+/// Solves effect areas again: reads the synthesis mesh, the coordinates, the field that they follow, and how areas change
+/// that. Gives what changes, so that it costs by the areas.
 pub(super) struct FollowAreas {
     pub recipe: String,
 }
 
 impl Step for FollowAreas {
-    super::step_identity!("effect areas", 3);
+    super::step_identity!("effect areas", 4);
 
     fn describe(&self, _: &mut dyn Visitor) {}
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
-        let prepared: Prepared = super::read(inputs, 0)?;
-        let mut coordinates: Parametrization = super::read(inputs, 1)?;
-        let [before, after] = [super::read::<Laid>(inputs, 2)?, super::read::<Laid>(inputs, 3)?];
-        let mesh = &prepared.mesh.mesh;
-        let topo = Topology::new(mesh);
-        coordinates.follow(mesh, &topo, &after.normals, [&before.field, &after.field], after.symmetry)?;
-        Ok(coordinates.to_bytes())
+        let ground = Prepared::ground(&inputs[0])?;
+        let (tile, phases, faults) = solved(&inputs[1]).map_err(|e| format!("{}: {e}", inputs.label(1)))?;
+        let before: Laid = super::read(inputs, 2)?;
+        let mut after = before.field.clone();
+        super::read::<FieldChange>(inputs, 3)?.apply(&mut after)?;
+        let locked = Locked { tile, phases: &phases, faults: &faults };
+        let fields = [&before.field, &after];
+        Ok(param::follow(&locked, &ground.mesh, &before.normals, fields, before.symmetry)?.to_bytes())
     }
 }
 
-/// Places the mesh in the tile: reads the synthesis mesh and its coordinates.
+/// Places the mesh in the tile: reads the synthesis mesh and its coordinates, and perhaps their change.
 pub(super) struct PlaceInTile {
     pub recipe: String,
     /// m at points.
@@ -153,9 +256,9 @@ impl Step for PlaceInTile {
     }
 
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
-        let prepared: Prepared = super::read(inputs, 0)?;
-        let coordinates: Parametrization = super::read(inputs, 1)?;
-        let mesh = &prepared.mesh.mesh;
+        let prepared = Prepared::ground(&inputs[0])?;
+        let coordinates = coordinates(inputs, 1)?;
+        let mesh = &prepared.mesh;
         let topo = Topology::new(mesh);
         let material = match self.wandering {
             Some(seed) => {
@@ -168,7 +271,7 @@ impl Step for PlaceInTile {
             true => 0,
             false => components_without(mesh, &topo, "material", &self.material)? as u64,
         };
-        let sets = coordinates.sets(mesh, &topo, &material)?;
+        let sets = coordinates.sets(mesh, &material)?;
         let count = |of: &dyn Fn(usize) -> bool| (0..mesh.faces.len()).filter(|f| of(*f)).count() as u64;
         let counters = Counters::Periodic {
             distorted: count(&|f| coordinates.faults[f].distorted),
@@ -181,8 +284,7 @@ impl Step for PlaceInTile {
 }
 
 /// Where coordinates are not valid on a mesh with a field.
-pub(super) fn places(prepared: &Prepared, laid: &Laid, coordinates: &Parametrization) -> Vec<Singularity> {
-    let mesh = &prepared.mesh.mesh;
+pub(super) fn places(mesh: &TriMesh, laid: &Laid, coordinates: &Parametrization) -> Vec<Singularity> {
     let faces: Vec<u32> = laid.turning.iter().map(|f| f.0).collect();
     singular_places(mesh, &Topology::new(mesh), &coordinates.faults, &faces)
 }
@@ -203,7 +305,19 @@ mod tests {
         let laid =
             param::parametrize(&mesh, &topo, &normals, &field, Symmetry::One, [8, 8]).expect("a mesh and a field");
         let bytes = laid.to_bytes();
-        assert_eq!(Parametrization::from_bytes(&bytes), Ok(laid));
+        assert_eq!(Parametrization::from_bytes(&bytes).as_ref(), Ok(&laid));
         assert!((0..bytes.len()).step_by(7).all(|cut| Parametrization::from_bytes(&bytes[..cut]).is_err()));
+        let (tile, phases, faults) = solved(&bytes).expect("its beginning");
+        assert_eq!((tile, &phases, &faults), (laid.tile, &laid.phases, &laid.faults));
+        let mut after = field.clone();
+        after.up[3] = after.up[3].cross(normals[3]);
+        let locked = Locked { tile, phases: &phases, faults: &faults };
+        let change = param::follow(&locked, &mesh, &normals, [&field, &after], Symmetry::One).expect("a change");
+        let bytes = change.to_bytes();
+        assert!((0..bytes.len()).step_by(7).all(|cut| Change::from_bytes(&bytes[..cut]).is_err()));
+        assert_eq!(Change::from_bytes(&bytes).as_ref(), Ok(&change));
+        let mut small = laid.clone();
+        small.phases.truncate(2);
+        assert!(small.apply(&change).is_err() && laid.clone().apply(&change).is_ok());
     }
 }

@@ -88,7 +88,7 @@ fn auto_scale(mesh: &TriMesh, exemplar_size: [u32; 2]) -> Result<f64, StepError>
 }
 
 impl Step for Prepare {
-    super::step_identity!("prepare", 1);
+    super::step_identity!("prepare", 3);
 
     fn describe(&self, v: &mut dyn Visitor) {
         v.param("scale", &self.scale);

@@ -12,14 +12,15 @@ use crate::io::image_quantise::{Encoding, dequantise, quantise};
 use crate::io::{Pixels, SampleType};
 use crate::mesh::{Surface, TriMesh};
 use crate::numerics::vec::Vec3;
-use crate::param::{Kind, Parametrization, Singularity};
+use crate::param::{Kind, Singularity};
 use crate::recipe::{self, Render, Shading};
 use crate::render::{
     self, AtlasLook, AtlasMaps, Edges, Grid, Look, Mode, Scene, SetsLook, Strokes, View, synthesis_normals, turntable,
 };
 use crate::texture::Texture;
 
-use super::material_space::{Source, places};
+use super::field::laid;
+use super::material_space::{Source, coordinates, places};
 use super::prepare::Prepared;
 use super::rasterise::{Bundle, GLTF_ORM};
 use super::synthesise::Synthesised;
@@ -112,7 +113,7 @@ impl Step for RenderField {
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
         let surface: Surface = super::read(inputs, 0)?;
         let prepared: Prepared = super::read(inputs, 1)?;
-        let Laid { field, symmetry, singularities, .. } = super::read(inputs, 2)?;
+        let (Laid { field, symmetry, singularities, .. }, _) = laid(inputs, 2)?;
         let normals = synthesis_normals(&prepared.mesh, &surface.corner_normals);
         let marks: Vec<_> = singularities.iter().map(|s| (s.at, s.index)).collect();
         let look = Strokes::new(&prepared.mesh.mesh, &field.up, symmetry.directions(), &marks);
@@ -136,8 +137,8 @@ impl Step for RenderSingularities {
     fn run(&self, inputs: &Inputs) -> Result<Vec<u8>, StepError> {
         let surface: Surface = super::read(inputs, 0)?;
         let prepared: Prepared = super::read(inputs, 1)?;
-        let laid: Laid = super::read(inputs, 2)?;
-        let coordinates: Parametrization = super::read(inputs, 3)?;
+        let (laid, next) = laid(inputs, 2)?;
+        let coordinates = coordinates(inputs, next)?;
         let mesh = &prepared.mesh.mesh;
         let normals = synthesis_normals(&prepared.mesh, &surface.corner_normals);
         let mark = |s: &Singularity| match s.kind {
@@ -145,7 +146,7 @@ impl Step for RenderSingularities {
             Kind::TJunction => Some((s.at, -1.0)),
             Kind::Distortion => None,
         };
-        let marks: Vec<_> = places(&prepared, &laid, &coordinates).iter().filter_map(mark).collect();
+        let marks: Vec<_> = places(mesh, &laid, &coordinates).iter().filter_map(mark).collect();
         let blended: Vec<bool> = (0..mesh.faces.len()).map(|f| coordinates.look_ups(mesh, f) == 3).collect();
         let look = Grid::new(mesh, &coordinates.corners, &blended, &marks);
         png(&picture(&self.view, &surface, mesh, &normals, &look))

@@ -5,14 +5,15 @@ use serde_json::{Value, json};
 use crate::bake::Atlas;
 use crate::build::{Inputs, Step, StepError, Visitor};
 use crate::exemplar::{JumpMap, TextonMap};
-use crate::field::{Laid, Singularity};
+use crate::field::Singularity;
 use crate::io::artefact::{Artefact, surface_counts};
 use crate::mesh::Surface;
-use crate::param::{Kind, Parametrization, Singularity as Place};
+use crate::param::{Change, Kind, Singularity as Place};
 use crate::synth::image::source_map::ImageCounters;
 use crate::synth::image::source_strips::SourceStrips;
 
-use super::material_space::places;
+use super::field::laid;
+use super::material_space::{coordinates, places};
 use super::prepare::Prepared;
 use super::rasterise::Bundle;
 use super::synthesise::{Counters, Synthesised, named};
@@ -59,17 +60,16 @@ impl Step for Report {
         }
         let (mut next, mut last) = (4, inputs.len());
         if self.has_field {
-            let laid: Laid = super::read(inputs, next)?;
+            let (laid, after) = laid(inputs, next)?;
             report["field"] = json!({
                 "index_sum": laid.singularities.iter().map(|s| s.index).sum::<f64>(),
                 "euler_characteristic": laid.euler,
                 "singularities": laid.singularities.iter().map(singularity).collect::<Vec<_>>(),
             });
-            next += 1;
+            next = after;
             if let Counters::Periodic { .. } = counters {
-                last -= 1;
-                let coordinates: Parametrization = super::read(inputs, last)?;
-                let found = places(&super::read(inputs, 1)?, &laid, &coordinates);
+                last -= 1 + usize::from(Change::is_one(&inputs[last - 1]));
+                let found = places(&Prepared::ground(&inputs[1])?.mesh, &laid, &coordinates(inputs, last)?);
                 // Places that are only stretched are many, and small.
                 let (listed, stretched): (Vec<_>, Vec<_>) = found.iter().partition(|s| s.kind != Kind::Distortion);
                 report["synthesis"]["singularities"] = listed.into_iter().map(place).collect();

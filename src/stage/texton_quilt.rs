@@ -146,7 +146,7 @@ pub(super) struct BlendMesh {
 }
 
 impl Step for BlendMesh {
-    super::step_identity!("blend mesh", 1);
+    super::step_identity!("blend mesh", 3);
 
     fn describe(&self, v: &mut dyn Visitor) {
         self.params.describe(v);

@@ -88,7 +88,7 @@ pub(super) struct MakeTile {
 }
 
 impl Step for MakeTile {
-    super::step_identity!("tile", 3, travels);
+    super::step_identity!("tile", 4, travels);
 
     fn describe(&self, v: &mut dyn Visitor) {
         let TileParams { layers, seed, importance, usage } = &self.params;

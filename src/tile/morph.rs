@@ -17,6 +17,9 @@
 //! - Between the ends masks are smoothed a little: lines that end on a ridge fray.
 //! - A mask of texels can only move by whole texels: all straight borders would jump at once, and no choice of layers could
 //!   be even. So all three are up to a texel ahead or behind, smoothly from place to place ([`phases`]).
+//! - On small shapes a distance has few values, and smoothing lets go of many texels at once; a step that moves more than its
+//!   share ([`GREATEST_SHARE`]) is taken in several, which move its texels in the order of their distance from the border, up to
+//!   a texel ahead or behind as above. So layers can be cut within it.
 //! - Sweeping compares |phi_M(s)|, where |phi_0(s)| is printed: only so it begins at the sources of the field, keeps pace
 //!   with the advection, and ends with the target's mask (test `what_is_printed_as_phi_0_must_be_phi_m`).
 //!
@@ -33,6 +36,9 @@ const STEPS_PER_TEXEL: f32 = 4.0;
 const MOST_STEPS: usize = 1024;
 /// Most texels of all steps, one bit each.
 const MOST_BITS: usize = 1 << 31;
+/// What a step may move at most, where 1 is what differs from end to end, shared out evenly to the least steps: half a layer
+/// of 16 steps. (A quarter makes layers hardly more even, and cuts steps of real pairs that need not be.)
+const GREATEST_SHARE: usize = 8;
 /// A straight line back from the target is longer by no more than that than the distance at its end, in texels, or it has
 /// crossed to where another part of the target is nearer.
 const SLACK: f32 = 1.0;
@@ -50,7 +56,8 @@ pub(super) fn differing(a: &Bits, b: &Bits) -> u32 {
     a.iter().zip(b).map(|(a, b)| (a ^ b).count_ones()).sum()
 }
 
-/// The masks between `from` and `to`, one for each step, at least `least` steps.
+/// The masks between `from` and `to`, one for each step, at least `least` steps, of which none moves more than
+/// [`GREATEST_SHARE`] times its share.
 pub(super) fn morph(from: &Mask, to: &Mask, least: usize) -> Vec<Bits> {
     let advection = Advection::new(from, to);
     let wanted = (STEPS_PER_TEXEL * advection.sup).ceil() as usize;
@@ -74,6 +81,31 @@ pub(super) fn morph(from: &Mask, to: &Mask, least: usize) -> Vec<Bits> {
         }
         let on: Vec<bool> = arrived.iter().map(|at| *at < NEVER).collect();
         out.push(bits_of(&if (1..steps).contains(&n) { smoothed(&on, from, to) } else { on }));
+    }
+    let most = (GREATEST_SHARE * from.differing(to)).div_ceil(least.max(1)).max(1);
+    cut(out, most, &advection.phases, [from.width(), from.height()])
+}
+
+/// Steps of which each moves `most` texels or fewer: those that move more are cut in several.
+fn cut(steps: Vec<Bits>, most: usize, phases: &[f32], [width, height]: [u32; 2]) -> Vec<Bits> {
+    let mut out: Vec<Bits> = Vec::with_capacity(steps.len());
+    for next in steps {
+        if let Some(before) = out.last().filter(|before| differing(before, &next) as usize > most) {
+            let mask = mask_of(before, width, height);
+            let border = signed_distance(&mask);
+            let changes = |i: &usize| (before[i / 64] ^ next[i / 64]) >> (i % 64) & 1 == 1;
+            let mut moved: Vec<(f32, usize)> =
+                (0..phases.len()).filter(changes).map(|i| (border[i].abs() + phases[i], i)).collect();
+            moved.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            let (pieces, mut between) = (moved.len().div_ceil(most), before.clone());
+            for piece in 1..pieces {
+                for (_, i) in &moved[(piece - 1) * moved.len() / pieces..piece * moved.len() / pieces] {
+                    between[i / 64] ^= 1 << (i % 64);
+                }
+                out.push(between.clone());
+            }
+        }
+        out.push(next);
     }
     out
 }

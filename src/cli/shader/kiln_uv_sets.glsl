@@ -57,6 +57,8 @@ vec4 kiln_sample(sampler2D map, KilnSets s, vec4 mean) {
     return sum;
 }
 
+// Material-space bakes have two primitives for each of the input's: `sets` is 1 for the material of one (nearly all of it) and
+// 3 for that of the other.
 // Material-space bakes: the file that the extension names as `tile` holds the layers, as a 3D texture or (analysis.tile =
 // "2d-array") a 2D array; wrap in s and t (REPEAT), clamp along m. `m` is the attribute _KILN_MATERIAL (float, passed on),
 // `layers` the extension's (in GLSL ES also: precision highp sampler3D, sampler2DArray). In place of kiln_sample; the weights are linear, one set nearly everywhere.

@@ -8,7 +8,8 @@
 
 // Material-space bakes name a tile, `mesh.material.userData.kiln.tile`; load it (KTX2Loader, or by hand) and pass it on, one
 // texture per map: applyKilnUvSets(o, { map, normalMap, roughnessMap, metalnessMap, aoMap, emissiveMap }), each a
-// Data3DTexture or an array texture that repeats in s and t. What is not passed shows the layer in the material.
+// Data3DTexture or an array texture that repeats in s and t. What is not passed shows the layer in the material. Such a bake has two
+// meshes for each of the input's primitives, with materials of their own: `sets` is 1 for nearly all of it, and 3 for the rest.
 
 export function applyKilnUvSets(mesh, tiles = {}) {
     const kiln = mesh.material.userData.kiln;

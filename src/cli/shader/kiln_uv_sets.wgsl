@@ -93,6 +93,8 @@ fn kiln_normal(map: texture_2d<f32>, sampler_: sampler, s: KilnSets, normal: vec
         + d * select(0.0, w.w, s.sets > 3));
 }
 
+// Material-space bakes have two primitives for each of the input's: `sets` is 1 for the material of one (nearly all of it) and
+// 3 for that of the other.
 // Material-space bakes: the file that the extension names as `tile` holds the layers, as a 3D texture or (analysis.tile =
 // "2d-array") a 2D array; the sampler repeats in s and t and clamps along m. `m` is the attribute _KILN_MATERIAL (f32,
 // passed on), `layers` the extension's. Use these in place of kiln_sample and kiln_normal:

@@ -1,5 +1,7 @@
 //! The artefact form of each type that steps exchange.
 
+use std::collections::BTreeMap;
+
 use super::{Artefact, Damaged, Reader, Writer, check};
 use crate::bake::Atlas;
 use crate::field::{Field, Laid, Singularity, Symmetry};
@@ -118,20 +120,42 @@ impl Artefact for Surface {
     }
 }
 
+/// Points of a parent that 16 bits tell apart.
+const FEW: usize = 1 << 16;
+
 impl Artefact for SynthesisMesh {
-    const TAG: [u8; 4] = *b"mesh";
+    const TAG: [u8; 4] = *b"msh2";
 
     fn write(&self, w: &mut Writer) {
         write_mesh(&self.mesh, w);
         w.slice(&self.parent);
-        w.slice(&self.parent_bary);
+        // Faces are cut alike: their corners are few different points of their parents.
+        let mut known: BTreeMap<[u32; 3], u32> = BTreeMap::new();
+        let mut index = |point: [f32; 3]| {
+            let new = known.len() as u32;
+            *known.entry(point.map(f32::to_bits)).or_insert(new)
+        };
+        let corners: Vec<[u32; 3]> = self.parent_bary.iter().map(|face| face.map(&mut index)).collect();
+        let mut points = vec![[0; 3]; known.len()];
+        known.iter().for_each(|(point, i)| points[*i as usize] = *point);
+        w.slice(&points);
+        match points.len() <= FEW {
+            true => w.slice(&corners.iter().map(|face| face.map(|i| i as u16)).collect::<Vec<_>>()),
+            false => w.slice(&corners),
+        }
     }
 
     fn read(r: &mut Reader<'_>) -> Result<Self, Damaged> {
-        let m = SynthesisMesh { mesh: read_mesh(r)?, parent: r.slice()?, parent_bary: r.slice()? };
-        let n = m.mesh.faces.len();
-        check(m.parent.len() == n && m.parent_bary.len() == n, "one parent per face")?;
-        Ok(m)
+        let (mesh, parent): (_, Vec<u32>) = (read_mesh(r)?, r.slice()?);
+        let points: Vec<[f32; 3]> = r.slice()?;
+        let corners: Vec<[u32; 3]> = match points.len() <= FEW {
+            true => r.slice()?.into_iter().map(|face: [u16; 3]| face.map(u32::from)).collect(),
+            false => r.slice()?,
+        };
+        check([parent.len(), corners.len()] == [mesh.faces.len(); 2], "one parent per face")?;
+        check(corners.as_flattened().iter().all(|&i| (i as usize) < points.len()), "corners at known points")?;
+        let parent_bary = corners.iter().map(|face| face.map(|i| points[i as usize])).collect();
+        Ok(SynthesisMesh { mesh, parent, parent_bary })
     }
 }
 
@@ -391,8 +415,15 @@ mod tests {
             (MapKind::BaseColor, Texture::new(2, 1, 3)),
         ]);
         assert_eq!(MapSet::from_bytes(&maps.to_bytes()), Ok(maps));
-        let mesh = TriMesh { positions: vec![vec3(0.0, 0.0, 1.0); 3], faces: vec![[0, 1, 2]] };
-        let m = SynthesisMesh { mesh, parent: vec![0], parent_bary: vec![[[1.0, 0.0, 0.0]; 3]] };
+        let mesh = TriMesh { positions: vec![vec3(0.0, 0.0, 1.0); 3], faces: vec![[0, 1, 2]; 3] };
+        let m = SynthesisMesh { mesh, parent: vec![0, 0, 1], parent_bary: vec![[[1.0, 0.0, 0.0]; 3]; 3] };
+        assert_eq!(SynthesisMesh::from_bytes(&m.to_bytes()), Ok(m));
+        // So many points that 16 bits do not tell them apart.
+        let n = 70_000;
+        let mesh = TriMesh { positions: vec![Vec3::ZERO; 3], faces: vec![[0, 1, 2]; n] };
+        let point = |i: usize| [i as f32 / n as f32, -0.0, 1.0];
+        let bary = |f: usize| [point(f), point(f / 2), point(0)];
+        let m = SynthesisMesh { mesh, parent: vec![0; n], parent_bary: (0..n).map(bary).collect() };
         assert_eq!(SynthesisMesh::from_bytes(&m.to_bytes()), Ok(m));
         let found = Singularity { at: vec3(1.0, 2.0, 3.0), index: -0.5, face: 7 };
         let field = Field { up: vec![vec3(0.0, 1.0, 0.0)], scale: vec![2.0] };

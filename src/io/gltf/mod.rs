@@ -11,6 +11,7 @@ mod meshopt;
 mod meshopt_filter;
 mod nodes;
 mod normals;
+mod pieces;
 mod primitive;
 mod refs;
 mod summary;

@@ -3,9 +3,11 @@
 //! Source: \[ZG03\] 4.4 (a base vertex's set weighs one there and nothing at the others); glTF 2.0; the extension
 //! KILN_uv_sets, which is described at [`write_uv_sets`].
 //! In: the document, its surface, the synthesis mesh and what was synthesised on it. Out: a self-contained .glb.
-//! Reads as: corners become one vertex where they come from the same point of the input with the same weights and their
-//! coordinates differ by less than the tolerance; the first corner's count. A point between vertices has one position
-//! in a mesh, whichever triangle it is reached from.
+//! Reads as:
+//! - Corners become one vertex where they come from the same point of the input with the same weights and their
+//!   coordinates differ by less than the tolerance; the first corner's count. A point between vertices has one position
+//!   in a mesh, whichever triangle it is reached from.
+//!
 //! Unaware of: which method made the sets.
 
 use serde_json::{Value, json};
@@ -16,6 +18,7 @@ use super::edit::Editor;
 use super::interpolate::{self, Mix, shares};
 use super::material::{self, BakedMaps, Use};
 use super::nodes::Linear;
+use super::pieces::{Piece, pieces, prepare_materials, shift};
 use super::primitive::{self, Stream};
 use super::refs::Kind;
 use super::validate::Semantic;
@@ -23,6 +26,7 @@ use crate::io::SceneError;
 use crate::mesh::{Part, Surface, SynthesisMesh, Topology, TriMesh};
 use crate::numerics::vec::{Vec3, vec3};
 use crate::synth::mesh::rendering_sequence::{CACHE, acmr, face_sequence};
+use crate::texture::Texel;
 use crate::uvset::{Blend, UvSets};
 
 /// Vertices at one point that a corner is compared with: a fan of thousands of corners stays linear.
@@ -84,6 +88,10 @@ pub enum TriangleOrder {
 /// `meanColor` (linear), `means` (per map), and for material-space bakes `material` ("_KILN_MATERIAL", SCALAR), `layers`,
 /// `tile`; for texton bakes `edge` ("_KILN_EDGE").
 ///
+/// A primitive of a material-space bake that is shown by one look-up in some places and by several in others becomes two:
+/// in its place one of the triangles with one look-up, whose material has `sets` = 1, and behind the last primitive of the
+/// mesh one of the others. Whoever draws every primitive by its own material's object needs to know no more.
+///
 /// A primitive none of whose triangles is in the synthesis mesh stays as it was.
 pub fn write_uv_sets(
     doc: &Document,
@@ -94,28 +102,24 @@ pub fn write_uv_sets(
 ) -> Result<Vec<u8>, SceneError> {
     primitive::check_parts(doc, surface)?;
     check(surface, synthesis, sets, output)?;
-    let faces = faces_by_part(surface, synthesis);
-    let parts: Vec<Part> =
-        surface.parts.iter().zip(&faces).filter(|(_, f)| !f.is_empty()).map(|(p, _)| p.clone()).collect();
-    let repeated = if output.repeat_weights_in_uv { 1 + usize::from(sets.sets.len() > 3) } else { 0 };
-    let shift = sets.sets.len() + repeated;
+    let mut pieces = pieces(surface, synthesis, sets, output);
     let mut editor = Editor::new(doc);
-    for part in &parts {
-        primitive::strip(editor.primitive(part.mesh, part.primitive), false, false);
+    for piece in &mut pieces {
+        piece.claim(&mut editor);
     }
-    let materials = material::prepare(&mut editor, &parts, &output.maps.material_name, shift);
+    let materials = prepare_materials(&mut editor, &pieces, output);
     editor.release();
     let n = synthesis.mesh.positions.len();
     let mut points = Points { mesh: vec![NONE; n], at: vec![[0.0; 3]; n], last: vec![NONE; n] };
-    for (part, faces) in surface.parts.iter().zip(&faces).filter(|(_, f)| !f.is_empty()) {
-        let (weight_type, linear) = (weight_type(faces, sets), Linear::new(&part.to_world));
-        let wants_normals = output.maps.has(Use::Normal) && primitive::attribute(doc, part, "NORMAL").is_none();
-        let job = Job { doc, surface, synthesis, sets, output, part, faces, weight_type, linear, wants_normals };
-        job.write(&mut editor, &mut points, shift as u32);
+    for piece in &pieces {
+        let (weight_type, linear) = (weight_type(&piece.faces, sets), Linear::new(&piece.part.to_world));
+        let wants_normals = output.maps.has(Use::Normal) && primitive::attribute(doc, piece.part, "NORMAL").is_none();
+        let job = Job { doc, surface, synthesis, sets, output, piece, weight_type, linear, wants_normals };
+        job.write(&mut editor, &mut points);
     }
-    material::fill(&mut editor, &materials, output.maps);
-    let description = describe(sets, output);
-    for m in materials {
+    material::fill(&mut editor, &materials.iter().map(|m| m.0).collect::<Vec<_>>(), output.maps);
+    for (m, count) in materials {
+        let description = describe(sets, count, output);
         let material = editor.entry(Kind::Material, m);
         set_in(material, "extensions", "KILN_uv_sets", &description);
         set_in(material, "extras", "kiln", &description);
@@ -168,31 +172,22 @@ fn check(surface: &Surface, synthesis: &SynthesisMesh, sets: &UvSets, output: &U
     Ok(())
 }
 
-/// Faces of the synthesis mesh in each part, in order.
-fn faces_by_part(surface: &Surface, synthesis: &SynthesisMesh) -> Vec<Vec<u32>> {
-    let mut out = vec![Vec::new(); surface.parts.len()];
-    for (f, &parent) in synthesis.parent.iter().enumerate() {
-        out[surface.parts.partition_point(|p| p.faces.end <= parent)].push(f as u32);
-    }
-    out
-}
-
 /// The extension object.
-fn describe(sets: &UvSets, output: &UvSetOutput) -> Value {
+fn describe(sets: &UvSets, count: usize, output: &UvSetOutput) -> Value {
     let blend = match sets.blend {
         Blend::Linear => "linear",
         Blend::Variance => "variance",
         Blend::Nearest => "none",
     };
     let mut out = json!({
-        "sets": sets.sets.len(),
+        "sets": count,
         "blend": blend,
         "sharpness": sets.sharpness,
         "exemplarSize": sets.exemplar_size,
         "weights": "_KILN_WEIGHTS",
     });
     if output.repeat_weights_in_uv {
-        out["weightsTexCoord"] = sets.sets.len().into();
+        out["weightsTexCoord"] = count.into();
     }
     if let Some(mean) = output.mean_color {
         out["meanColor"] = mean.iter().copied().map(short).collect();
@@ -242,16 +237,14 @@ struct Vertex {
     normal: [f32; 3],
 }
 
-/// One part being written.
+/// One piece of a part being written.
 struct Job<'a> {
     doc: &'a Document,
     surface: &'a Surface,
     synthesis: &'a SynthesisMesh,
     sets: &'a UvSets,
     output: &'a UvSetOutput<'a>,
-    part: &'a Part,
-    /// Its faces of the synthesis mesh.
-    faces: &'a [u32],
+    piece: &'a Piece<'a>,
     weight_type: Component,
     linear: Linear,
     wants_normals: bool,
@@ -262,7 +255,7 @@ impl<'a> Job<'a> {
     fn vertex(&self, same: &[u32], corner: usize) -> Vertex {
         let Job { surface, synthesis, .. } = self;
         let (parent, bary) = (synthesis.parent[corner / 3] as usize, synthesis.parent_bary[corner / 3][corner % 3]);
-        let vertices = surface.mesh.faces[parent].map(|v| same[(v - self.part.vertices.start) as usize]);
+        let vertices = surface.mesh.faces[parent].map(|v| same[(v - self.piece.part.vertices.start) as usize]);
         let normal = || {
             let normals = &surface.corner_normals[3 * parent..3 * parent + 3];
             let sum = normals.iter().zip(bary).fold(Vec3::ZERO, |s, (n, b)| s + *n * f64::from(b));
@@ -277,6 +270,11 @@ impl<'a> Job<'a> {
         }
     }
 
+    /// The sets that the piece needs.
+    fn shown(&self) -> &[Vec<Texel>] {
+        &self.sets.sets[..self.piece.count]
+    }
+
     /// The weights of a corner as they are stored.
     fn weights(&self, corner: usize) -> [u32; 4] {
         shares(self.sets.weights[corner].map(f64::from), self.weight_type.unit() as u32)
@@ -286,7 +284,7 @@ impl<'a> Job<'a> {
     fn agree(&self, a: &Vertex, b: &Vertex) -> bool {
         let near = |x: f32, y: f32| (x - y).abs() <= self.output.weld_texels;
         let (ca, cb) = (a.corner, b.corner);
-        self.sets.sets.iter().all(|s| near(s[ca].x, s[cb].x) && near(s[ca].y, s[cb].y))
+        self.shown().iter().all(|s| near(s[ca].x, s[cb].x) && near(s[ca].y, s[cb].y))
             && (self.sets.weights[ca] == self.sets.weights[cb] || self.weights(ca) == self.weights(cb))
             && a.mix == b.mix
             && a.normal == b.normal
@@ -297,10 +295,10 @@ impl<'a> Job<'a> {
     /// The vertices, by their first corners, and the triangles. `last` has as many entries as the synthesis mesh has
     /// vertices, all [`NONE`], and is so again afterwards.
     fn vertices(&self, last: &mut [u32]) -> (Vec<Vertex>, Vec<[u32; 3]>) {
-        let same = equal_vertices(self.doc, self.part);
-        let mut distinct: Vec<Vertex> = Vec::with_capacity(3 * self.faces.len() / 2);
+        let same = equal_vertices(self.doc, self.piece.part);
+        let mut distinct: Vec<Vertex> = Vec::with_capacity(3 * self.piece.faces.len() / 2);
         // Of each, the one before it at the same vertex of the synthesis mesh.
-        let mut before: Vec<u32> = Vec::with_capacity(3 * self.faces.len() / 2);
+        let mut before: Vec<u32> = Vec::with_capacity(3 * self.piece.faces.len() / 2);
         let mut index = |corner: usize| {
             let new = self.vertex(&same, corner);
             let newest = &mut last[new.vertex as usize];
@@ -318,7 +316,7 @@ impl<'a> Job<'a> {
             let corners = [0, 1, 2].map(|k| index(3 * f as usize + k));
             order.map(|k| corners[k])
         };
-        let faces: Vec<[u32; 3]> = self.faces.iter().map(face).collect();
+        let faces: Vec<[u32; 3]> = self.piece.faces.iter().map(face).collect();
         distinct.iter().for_each(|v| last[v.vertex as usize] = NONE);
         match self.output.triangles {
             TriangleOrder::Input => (distinct, faces),
@@ -326,10 +324,11 @@ impl<'a> Job<'a> {
         }
     }
 
-    fn write(&self, editor: &mut Editor, points: &mut Points, shift: u32) {
+    fn write(&self, editor: &mut Editor, points: &mut Points) {
+        let shift = shift(self.piece.count, self.output) as u32;
         let (vertices, faces) = self.vertices(&mut points.last);
         let mixes: Vec<Mix> = vertices.iter().map(|v| v.mix).collect();
-        let old = primitive::of(self.doc, self.part);
+        let old = primitive::of(self.doc, self.piece.part);
         let mut streams = self.new_streams(&vertices);
         let skin = interpolate::skin(self.doc, &old["attributes"], &mixes);
         for (name, a) in primitive::carried(&old["attributes"], shift) {
@@ -354,7 +353,7 @@ impl<'a> Job<'a> {
         let attributes = primitive::write_streams(editor, streams);
         let targets = primitive::write_targets(editor, targets, vertices.len());
         let indices = primitive::write_indices(editor, &faces, vertices.len());
-        let entry = editor.primitive(self.part.mesh, self.part.primitive);
+        let entry = editor.primitive(self.piece.part.mesh, self.piece.primitive);
         entry["attributes"] = attributes;
         entry["indices"] = indices;
         if let Some(targets) = targets {
@@ -366,7 +365,7 @@ impl<'a> Job<'a> {
     fn new_streams(&self, vertices: &[Vertex]) -> Vec<(String, Stream)> {
         let [w, h] = self.sets.exemplar_size.map(|s| s as f32);
         let mut out: Vec<(String, Stream)> = Vec::new();
-        for (s, set) in self.sets.sets.iter().enumerate() {
+        for (s, set) in self.shown().iter().enumerate() {
             let uv = |v: &Vertex| [set[v.corner].x / w, set[v.corner].y / h];
             out.push((format!("TEXCOORD_{s}"), floats("VEC2", vertices.iter().map(uv))));
         }
@@ -379,7 +378,7 @@ impl<'a> Job<'a> {
         let format = Format::new(self.weight_type, "VEC4", true);
         out.push(("_KILN_WEIGHTS".into(), Stream::New { like: None, format, bytes }));
         if self.output.repeat_weights_in_uv {
-            let n = self.sets.sets.len();
+            let n = self.piece.count;
             let unit = self.weight_type.unit();
             for (s, pair) in [[0, 1], [2, 3]].into_iter().enumerate().take(if n > 3 { 2 } else { 1 }) {
                 let share = |w: &[u32; 4]| pair.map(|k| (f64::from(w[k]) / unit) as f32);
@@ -412,10 +411,10 @@ impl<'a> Job<'a> {
             let (own, at) = (interpolate::position(&input, &v.mix), v.vertex as usize);
             if v.mix.single().is_some() {
                 own
-            } else if points.mesh[at] == self.part.mesh {
+            } else if points.mesh[at] == self.piece.part.mesh {
                 points.at[at]
             } else {
-                (points.mesh[at], points.at[at]) = (self.part.mesh, own);
+                (points.mesh[at], points.at[at]) = (self.piece.part.mesh, own);
                 own
             }
         };

@@ -103,7 +103,7 @@ impl Planner<'_, '_> {
                 Some((finest, synthesised)) => {
                     let inputs = [finest, synthesised, prepare].map(InputId::from);
                     let synthesise = self.step(TakeFromFinest { recipe: name.clone() }, &inputs);
-                    LaidOut { prepare, synthesise, field: None, coordinates: None }
+                    LaidOut { prepare, synthesise, field: vec![], coordinates: vec![] }
                 }
             };
             finest = finest.or(Some((laid.prepare, laid.synthesise)));
@@ -119,14 +119,11 @@ impl Planner<'_, '_> {
         let everywhere = without_areas(&bake.field);
         // In material space what acts nearby is solved for itself, from the field of all else.
         let areas = keys.is_some() && everywhere != bake.field;
-        let (field, without) = match areas {
-            false => {
-                let field = self.step(laid, &[prepare.into()]);
-                (field, field)
-            }
+        let field = match areas {
+            false => vec![self.step(laid, &[prepare.into()])],
             true => {
                 let without = self.step(lay_field(&recipe, &everywhere).0, &[prepare.into()]);
-                (self.step(LayAreas(laid), &[prepare, without].map(InputId::from)), without)
+                vec![without, self.step(LayAreas(laid), &[prepare, without].map(InputId::from))]
             }
         };
         let importance: BTreeMap<_, _> = self.recipe.exemplar.importance.iter().copied().collect();
@@ -134,24 +131,25 @@ impl Planner<'_, '_> {
             recipe::WalkOrder::RegionGrowing => Order::RegionGrowing,
             recipe::WalkOrder::RenderingSequence => Order::RenderingSequence,
         };
-        let inputs = [prepare, field, analyse, maps];
-        let mut coordinates = None;
+        let inputs = [prepare, field[0], analyse, maps];
+        let mut coordinates = vec![];
         let (prepare, synthesise) = match (&keys, self.recipe.analysis.textons) {
             (Some(keys), _) => {
-                let (placed, laid) = self.place_in_tile(keys, &bake.field, prepare, [without, field]);
-                coordinates = Some(laid);
+                let (placed, laid) = self.place_in_tile(keys, &bake.field, prepare, &field);
+                coordinates = laid;
                 (prepare, placed)
             }
             (None, None) => (prepare, self.walk_vertices(bake.sharpness, order, symmetry, importance, inputs)),
             (None, Some(textons)) => self.quilt_faces(&textons, symmetry, importance, inputs),
         };
-        LaidOut { prepare, synthesise, field: Some(field), coordinates }
+        LaidOut { prepare, synthesise, field, coordinates }
     }
 
     /// What comes out of one level of detail.
     fn level(&mut self, bake: &MeshBake, recipe: String, (scene, files): Scene, level: Level) {
         let Level { maps, analyse, surface, laid } = level;
         let LaidOut { prepare, synthesise, field, coordinates } = laid;
+        let coordinates: Vec<InputId> = coordinates.into_iter().map(InputId::from).collect();
         let mut atlas_steps = None;
         if let Some(atlas) = &bake.atlas {
             let (layout, gutter_px) = layout(atlas);
@@ -198,16 +196,14 @@ impl Planner<'_, '_> {
         for view in &bake.renders {
             let (recipe, view) = (recipe.clone(), view.clone());
             let path = format!("render/{}{suffix}.png", view.name);
-            let render = match (view.shading, field) {
-                (recipe::Shading::Field, Some(field)) => {
-                    let inputs = [surface, prepare, field].map(InputId::from);
-                    self.step(RenderField { recipe, view }, &inputs)
-                }
+            let of_field: Vec<InputId> = [surface, prepare].iter().chain(&field).map(|s| InputId::from(*s)).collect();
+            let render = match view.shading {
                 // Levels of detail have no field of their own.
-                (recipe::Shading::Field | recipe::Shading::Singularities, None) => continue,
-                (recipe::Shading::Singularities, Some(field)) => {
-                    // Refused without a tile.
-                    let inputs = [surface, prepare, field, coordinates.unwrap_or(field)].map(InputId::from);
+                recipe::Shading::Field | recipe::Shading::Singularities if field.is_empty() => continue,
+                recipe::Shading::Field => self.step(RenderField { recipe, view }, &of_field),
+                // Refused without a tile.
+                recipe::Shading::Singularities => {
+                    let inputs = [&of_field[..], &coordinates].concat();
                     self.step(RenderSingularities { recipe, view }, &inputs)
                 }
                 _ => self.step(RenderView { recipe, view }, &inputs),
@@ -215,11 +211,9 @@ impl Planner<'_, '_> {
             self.output(render, &path);
         }
         inputs[3] = analyse.into();
-        if let Some(field) = field {
-            inputs.insert(4, field.into());
-        }
-        inputs.extend(coordinates.map(InputId::from));
-        let report = self.step(Report { recipe, has_field: field.is_some() }, &inputs);
+        inputs.splice(4..4, field.iter().map(|s| InputId::from(*s)));
+        inputs.extend(coordinates);
+        let report = self.step(Report { recipe, has_field: !field.is_empty() }, &inputs);
         self.output(report, &format!("report{suffix}.json"));
     }
 
@@ -296,9 +290,10 @@ struct Level {
 struct LaidOut {
     prepare: StepId,
     synthesise: StepId,
-    field: Option<StepId>,
-    /// Periodic coordinates, of a tile's bake.
-    coordinates: Option<StepId>,
+    /// None, the field, or that without what acts nearby and its change.
+    field: Vec<StepId>,
+    /// Periodic coordinates, of a tile's bake, and perhaps their change.
+    coordinates: Vec<StepId>,
 }
 
 fn uv_blend(blend: recipe::Blend) -> Blend {

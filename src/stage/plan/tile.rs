@@ -41,26 +41,26 @@ impl Planner<'_, '_> {
         tile
     }
 
-    /// Lays periodic coordinates over the prepared mesh and its fields (without what acts nearby, and with it), and places
-    /// it in the tile. Gives where it lies, and
-    /// the coordinates.
+    /// Lays periodic coordinates over the prepared mesh and its field (that without what acts nearby, and its change), and places
+    /// it in the tile. Gives where it lies, and the coordinates and perhaps their change.
     pub(super) fn place_in_tile(
         &mut self,
         keys: &recipe::TileKeys,
         from: &recipe::Field,
         prepare: StepId,
-        [first, field]: [StepId; 2],
-    ) -> (StepId, StepId) {
+        field: &[StepId],
+    ) -> (StepId, Vec<StepId>) {
         let recipe = self.name();
-        let mut laid = self.step(Parametrise { recipe: recipe.clone() }, &[prepare, first].map(InputId::from));
-        if first != field {
-            let inputs = [prepare, laid, first, field].map(InputId::from);
-            laid = self.step(FollowAreas { recipe: recipe.clone() }, &inputs);
+        let mut laid = vec![self.step(Parametrise { recipe: recipe.clone() }, &[prepare, field[0]].map(InputId::from))];
+        if let [first, areas] = *field {
+            let inputs = [prepare, laid[0], first, areas].map(InputId::from);
+            laid.push(self.step(FollowAreas { recipe: recipe.clone() }, &inputs));
         }
         let value = |&recipe::MaterialPoint { at, value, radius }: &_| ScalarConstraint { at, value, radius };
         let material: Vec<ScalarConstraint> = from.material.iter().map(value).collect();
         let wandering = (keys.keys.is_empty() && material.is_empty()).then_some(self.recipe.synthesis.seed);
-        let placed = self.step(PlaceInTile { recipe, material, wandering }, &[prepare, laid].map(InputId::from));
+        let inputs: Vec<InputId> = [prepare].iter().chain(&laid).map(|s| InputId::from(*s)).collect();
+        let placed = self.step(PlaceInTile { recipe, material, wandering }, &inputs);
         (placed, laid)
     }
 }

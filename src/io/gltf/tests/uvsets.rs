@@ -222,3 +222,76 @@ fn the_measure_of_a_triangles_edge_is_at_all_its_corners_and_keeps_vertices_apar
     let fault = write_uv_sets(&doc, &surface, &synthesis, &sets, &short).unwrap_err().to_string();
     assert!(fault.contains("edge measures"), "{fault}");
 }
+
+#[test]
+fn in_material_space_triangles_with_one_look_up_are_a_primitive_with_one_set() {
+    let [positions, indices] = square();
+    let normals = (5126, "VEC3", false, f32s(&[0.0, 0.0, 1.0].repeat(4)));
+    let uvs = (5126, "VEC2", false, f32s(&[0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0]));
+    let root = serde_json::json!({
+        "materials": [{"name": "Stone"}, {"name": "Gilt", "emissiveTexture": {"index": 0}}],
+        "textures": [{}],
+        "extensionsUsed": ["KHR_materials_variants"],
+        "extensions": {"KHR_materials_variants": {"variants": [{"name": "plain"}, {"name": "gilt"}]}},
+        "meshes": [{"name": "M", "primitives": [
+            {"indices": 1, "material": 0, "extras": {"kept": 1}, "attributes": {"POSITION": 0, "NORMAL": 2, "TEXCOORD_0": 3},
+             "targets": [{"POSITION": 2}],
+             "extensions": {"KHR_materials_variants": {"mappings": [
+                {"variants": [0], "material": 0}, {"variants": [1], "material": 1}]}}},
+            {"mode": 1, "attributes": {"POSITION": 0}},
+        ]}],
+    });
+    let doc = made(root, &[positions, indices, normals, uvs]);
+    let surface = doc.surface(None).unwrap();
+    let synthesis = subdivided(&surface);
+    let mut sets = uv_sets(&synthesis);
+    // Only the second triangle of the input blends.
+    let faces = synthesis.mesh.faces.len();
+    sets.weights[..3 * faces / 2].fill([1.0, 0.0, 0.0, 0.0]);
+    let values: Vec<f32> = (0..3 * faces).map(|c| (synthesis.mesh.faces[c / 3][c % 3] % 3) as f32 / 2.0).collect();
+    let space = MaterialSpace { values: &values, layers: 4, tile: "m.tile.ktx2" };
+    let baked = BakedMaps::default();
+    let output = UvSetOutput { material_space: Some(space), ..plain(&baked) };
+    let back = again(&write_uv_sets(&doc, &surface, &synthesis, &sets, &output).unwrap());
+    let primitives = list(&back.root["meshes"][0], "primitives");
+    assert_eq!(primitives.len(), 3);
+    assert_eq!(primitives[1]["mode"], 1, "what was not baked keeps its place");
+    for (p, count, name, shown) in [(0, 1, "Stone", 0..faces / 2), (2, 3, "Stone (3 sets)", faces / 2..faces)] {
+        let (primitive, shown): (&Value, Vec<usize>) = (&primitives[p], shown.collect());
+        let material = |of: &Value| &list(&back.root, "materials")[refs::index(of, "material").unwrap()];
+        let kiln = &material(primitive)["extensions"]["KILN_uv_sets"];
+        assert_eq!((&kiln["sets"], &material(primitive)["name"]), (&count.into(), &name.into()));
+        assert_eq!((&kiln["material"], &kiln["layers"]), (&"_KILN_MATERIAL".into(), &4.into()));
+        assert_eq!(primitive["extras"]["kept"], 1);
+        assert_eq!(list(primitive, "targets").len(), 1);
+        // The input's coordinates follow the sets, and the other variant's material follows them.
+        let names: Vec<&str> = primitive["attributes"].as_object().unwrap().keys().map(String::as_str).collect();
+        let coordinates: Vec<&str> = names.iter().filter(|n| n.starts_with("TEXCOORD_")).copied().collect();
+        assert_eq!(coordinates, ["TEXCOORD_0", "TEXCOORD_1", "TEXCOORD_2", "TEXCOORD_3"][..=count]);
+        let mappings = list(&primitive["extensions"]["KHR_materials_variants"], "mappings");
+        assert_eq!(mappings[0]["material"], primitive["material"]);
+        assert_eq!(material(&mappings[1])["emissiveTexture"]["texCoord"], count);
+        // Every corner looks up what it did.
+        let read = |name: &str| {
+            let a = &back.accessors[refs::index(&primitive["attributes"], name).unwrap()];
+            let (size, unit) = (a.format.component.size(), a.format.component.unit());
+            let numbers = a.packed(&back.buffers).chunks(size).map(|b| a.format.component.read(b) / unit).collect();
+            (numbers, a.format.size() / size)
+        };
+        let corners: Vec<u32> = triangles::triangles(&back, primitive).concat();
+        assert_eq!(corners.len(), 3 * shown.len());
+        let same = |name: &str, expected: &dyn Fn(usize) -> Vec<f64>| {
+            let (numbers, n): (Vec<f64>, usize) = read(name);
+            for (k, &v) in corners.iter().enumerate() {
+                let found = &numbers[v as usize * n..(v as usize + 1) * n];
+                assert_eq!(found, expected(3 * shown[k / 3] + k % 3), "{name} of corner {k} of primitive {p}");
+            }
+        };
+        for s in 0..count {
+            let uv = |c: usize| vec![f64::from(sets.sets[s][c].x / 128.0), f64::from(sets.sets[s][c].y / 64.0)];
+            same(&format!("TEXCOORD_{s}"), &uv);
+        }
+        same("_KILN_WEIGHTS", &|c| sets.weights[c].map(f64::from).to_vec());
+        same("_KILN_MATERIAL", &|c| vec![f64::from(values[c])]);
+    }
+}
