@@ -166,6 +166,15 @@ impl GraphCut {
         self.layout.pairs.push(([a as u32, b as u32], costs));
     }
 
+    /// Adds, doubled, what it costs that two nodes stay (on the source's side), that `a` alone goes, that `b` alone does,
+    /// and that both do. Where to go together costs more than to part, it is as if it cost as much.
+    #[inline(always)]
+    pub fn add_move(&mut self, [a, b]: [usize; 2], [stay, first, second, both]: [i32; 4]) {
+        self.add_terminal(a, first - stay + both - second);
+        self.add_terminal(b, second - stay + both - first);
+        self.add_pair(a, b, [(second + first - stay - both).max(0); 2]);
+    }
+
     /// Sorts the pairs in: to be called once all are added, before [`Cut::cut`].
     pub fn connect(&mut self) {
         let Net { arcs, pairs } = &mut self.layout;

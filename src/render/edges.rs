@@ -3,8 +3,6 @@
 //! Source: \[MK03\] 3.3.2, eq. 4, seen from where an edge is as long on the screen as on the surface: the continuity error.
 //! Unaware of: where the faces lie in the exemplar, thresholds.
 
-use crate::texture::{Texel, texel};
-
 use super::look::{Appearance, Hit, Look};
 
 type V3 = [f32; 3];
@@ -42,18 +40,6 @@ impl Look for Edges<'_> {
         let [error, length] = self.metric.get(3 * hit.face).copied().unwrap_or_default();
         let color = if length > 0.0 { ramp(error) } else { PLAIN };
         Appearance { color, normal: hit.normal, ..Appearance::default() }
-    }
-
-    fn is_there(&self, _: usize, _: V3) -> bool {
-        true
-    }
-
-    fn source(&self, _: usize, _: V3) -> Option<[f32; 2]> {
-        None
-    }
-
-    fn checker(&self, _: usize, _: V3) -> (Texel, f32) {
-        (texel(0.0, 0.0), 1.0)
     }
 }
 

@@ -59,10 +59,6 @@ impl Look for Grid<'_> {
         Appearance { color, ..plain }
     }
 
-    fn is_there(&self, _: usize, _: V3) -> bool {
-        true
-    }
-
     fn source(&self, face: usize, bary: V3) -> Option<[f32; 2]> {
         let at = self.at(face, bary);
         Some([at.x - at.x.floor(), at.y - at.y.floor()].map(|x| x as f32))

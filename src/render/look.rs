@@ -54,11 +54,17 @@ pub trait Look: Sync {
     /// The material at a point.
     fn appearance(&self, hit: &Hit) -> Appearance;
     /// Whether there is anything at a point: false where the opacity is below a half.
-    fn is_there(&self, face: usize, bary: V3) -> bool;
+    fn is_there(&self, _face: usize, _bary: V3) -> bool {
+        true
+    }
     /// Position in the exemplar as shares of its sides, for pictures of patches; `None` if not known.
-    fn source(&self, face: usize, bary: V3) -> Option<[f32; 2]>;
-    /// Texture coordinates in texels and the side of a checker's field, for pictures of UVs.
-    fn checker(&self, face: usize, bary: V3) -> (Texel, f32);
+    fn source(&self, _face: usize, _bary: V3) -> Option<[f32; 2]> {
+        None
+    }
+    /// Texture coordinates in texels and the side of a checker's field, for pictures of UVs; by default one field.
+    fn checker(&self, _face: usize, _bary: V3) -> (Texel, f32) {
+        (texel(0.0, 0.0), 1.0)
+    }
 }
 
 /// The look of a synthesis mesh through its UV sets.
@@ -258,10 +264,6 @@ impl Look for AtlasLook<'_> {
             Some(p) if self.has_alpha => p.sample(self.position(face, bary), 0.0)[3] >= 0.5,
             _ => true,
         }
-    }
-
-    fn source(&self, _: usize, _: V3) -> Option<[f32; 2]> {
-        None
     }
 
     fn checker(&self, face: usize, bary: V3) -> (Texel, f32) {

@@ -10,7 +10,6 @@ use super::look::{Appearance, Hit, Look};
 use crate::mesh::TriMesh;
 use crate::numerics::rng::Key;
 use crate::numerics::vec::Vec3;
-use crate::texture::{Texel, texel};
 
 type V3 = [f32; 3];
 
@@ -100,18 +99,6 @@ impl Look for Strokes<'_> {
         }
         let v = value.clamp(0.0, 1.0) as f32;
         Appearance { color: [0.06 + 0.74 * v, 0.08 + 0.66 * v, 0.12 + 0.5 * v], ..plain }
-    }
-
-    fn is_there(&self, _: usize, _: V3) -> bool {
-        true
-    }
-
-    fn source(&self, _: usize, _: V3) -> Option<[f32; 2]> {
-        None
-    }
-
-    fn checker(&self, _: usize, _: V3) -> (Texel, f32) {
-        (texel(0.0, 0.0), 1.0)
     }
 }
 

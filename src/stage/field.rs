@@ -4,7 +4,7 @@ use crate::build::{Inputs, Step, StepError, Visitor};
 use crate::field::{
     self, Alignment, Field, Laid, OrientationConstraint, ScalarConstraint, Singularity, SingularityConstraint, Symmetry,
 };
-use crate::io::artefact::{Artefact, Damaged, Reader, Writer};
+use crate::io::artefact::{Artefact, Damaged, Reader, Writer, read_turning, write_turning};
 use crate::mesh::{Topology, check::census};
 use crate::numerics::vec::Vec3;
 
@@ -91,31 +91,14 @@ impl Artefact for FieldChange {
     const TAG: [u8; 4] = *b"fldc";
 
     fn write(&self, to: &mut Writer) {
-        to.slice(&self.up.iter().map(|c| c.0).collect::<Vec<_>>());
-        to.slice(&self.up.iter().map(|c| c.1).collect::<Vec<_>>());
-        to.slice(&self.scale.iter().map(|c| c.0).collect::<Vec<_>>());
-        to.slice(&self.scale.iter().map(|c| c.1).collect::<Vec<_>>());
-        to.slice(&self.turning.iter().map(|t| t.0).collect::<Vec<_>>());
-        to.slice(&self.turning.iter().map(|t| t.1).collect::<Vec<_>>());
-        to.put(self.singularities.len() as u64);
-        for Singularity { at, index, face } in &self.singularities {
-            to.put(*at);
-            to.put(*index);
-            to.put(*face);
-        }
+        to.pairs(self.up.iter().copied());
+        to.pairs(self.scale.iter().copied());
+        write_turning(&self.turning, &self.singularities, to);
     }
 
     fn read(from: &mut Reader<'_>) -> Result<Self, Damaged> {
-        fn pairs<T: bytemuck::Pod>(from: &mut Reader<'_>) -> Result<Vec<(u32, T)>, Damaged> {
-            let (at, values): (Vec<u32>, Vec<T>) = (from.slice()?, from.slice()?);
-            let fits = at.len() == values.len();
-            if fits { Ok(at.into_iter().zip(values).collect()) } else { Err(Damaged("values without a place".into())) }
-        }
-        let (up, scale, turning) = (pairs(from)?, pairs(from)?, pairs(from)?);
-        let mut singularities = Vec::new();
-        for _ in 0..from.get::<u64>()? {
-            singularities.push(Singularity { at: from.get()?, index: from.get()?, face: from.get()? });
-        }
+        let (up, scale) = (from.pairs()?.collect(), from.pairs()?.collect());
+        let (turning, singularities) = read_turning(from)?;
         Ok(FieldChange { up, scale, turning, singularities })
     }
 }

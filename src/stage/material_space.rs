@@ -90,32 +90,25 @@ impl Artefact for Change {
     const TAG: [u8; 4] = *b"chng";
 
     fn write(&self, to: &mut Writer) {
-        to.slice(&self.phases.iter().map(|v| v.0).collect::<Vec<_>>());
-        to.slice(&self.phases.iter().map(|v| plain(&v.1)).collect::<Vec<_>>());
-        to.slice(&self.faces.iter().map(|f| f.0).collect::<Vec<_>>());
-        to.slice(&self.faces.iter().map(|f| f.1).collect::<Vec<_>>());
+        to.pairs(self.phases.iter().map(|(v, phases)| (*v, plain(phases))));
+        to.pairs(self.faces.iter().map(|f| (f.0, f.1)));
         write_faults(&self.faces.iter().map(|f| (f.0, f.2)).collect::<Vec<_>>(), to);
         to.slice(&self.invalid.iter().map(|&(v, invalid)| [v, u32::from(invalid)]).collect::<Vec<_>>());
         write_steps(&self.steps, to);
     }
 
     fn read(from: &mut Reader<'_>) -> Result<Self, Damaged> {
-        let (vertices, phases): (Vec<u32>, Vec<[f64; 4]>) = (from.slice()?, from.slice()?);
-        let (faces, corners): (Vec<u32>, Vec<[Vec2; 3]>) = (from.slice()?, from.slice()?);
+        let phases = from.pairs()?.map(|(v, phases)| (v, angles(phases))).collect();
+        let faces: Vec<(u32, [Vec2; 3])> = from.pairs()?.collect();
         let faults = read_faults(from)?;
         let invalid: Vec<[u32; 2]> = from.slice()?;
         let steps = read_steps(from)?;
-        if (vertices.len(), corners.len(), faults.len()) != (phases.len(), faces.len(), faces.len()) {
+        if faults.len() != faces.len() {
             return Err(Damaged("a change that does not fit itself".into()));
         }
         Ok(Change {
-            phases: vertices.into_iter().zip(phases.into_iter().map(angles)).collect(),
-            faces: faces
-                .into_iter()
-                .zip(corners)
-                .zip(faults)
-                .map(|((f, corners), fault)| (f, corners, fault.1))
-                .collect(),
+            phases,
+            faces: faces.into_iter().zip(faults).map(|((f, corners), fault)| (f, corners, fault.1)).collect(),
             invalid: invalid.into_iter().map(|[v, invalid]| (v, invalid != 0)).collect(),
             steps,
         })
@@ -155,16 +148,11 @@ fn spread(faults: &[(u32, Fault)], faces: usize) -> Result<Vec<Fault>, Damaged> 
 }
 
 fn write_steps(steps: &[param::Step], to: &mut Writer) {
-    to.slice(&steps.iter().map(|s| [s.from, s.to]).collect::<Vec<_>>());
-    to.slice(&steps.iter().map(|s| s.by).collect::<Vec<_>>());
+    to.pairs(steps.iter().map(|s| ([s.from, s.to], s.by)));
 }
 
 fn read_steps(from: &mut Reader<'_>) -> Result<Vec<param::Step>, Damaged> {
-    let (ends, by): (Vec<[u32; 2]>, Vec<Vec2>) = (from.slice()?, from.slice()?);
-    if ends.len() != by.len() {
-        return Err(Damaged("steps without an end".into()));
-    }
-    Ok(ends.into_iter().zip(by).map(|([from, to], by)| param::Step { from, to, by }).collect())
+    Ok(from.pairs()?.map(|([from, to], by): ([u32; 2], Vec2)| param::Step { from, to, by }).collect())
 }
 
 /// Texels in a period, angles, and faces at fault.

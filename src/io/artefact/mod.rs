@@ -9,7 +9,7 @@ mod types;
 
 use bytemuck::Pod;
 
-pub(crate) use types::{read_mesh, set_count, surface_counts};
+pub(crate) use types::{read_mesh, read_turning, set_count, surface_counts, write_turning};
 
 /// Bytes that are not the artefact they should be.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -80,6 +80,13 @@ impl Writer {
         self.part(items);
     }
 
+    /// An array of the first of all pairs, then one of the second.
+    pub fn pairs<A: Pod, B: Pod>(&mut self, items: impl Iterator<Item = (A, B)>) {
+        let (first, second): (Vec<A>, Vec<B>) = items.unzip();
+        self.slice(&first);
+        self.slice(&second);
+    }
+
     /// Items of an array whose length was put before.
     fn part<T: Pod>(&mut self, items: &[T]) {
         self.0.extend_from_slice(bytemuck::cast_slice(items));
@@ -116,6 +123,13 @@ impl<'a> Reader<'a> {
     pub fn slice<T: Pod>(&mut self) -> Result<Vec<T>, Damaged> {
         let n = self.get::<u64>()?;
         Ok(bytemuck::pod_collect_to_vec(self.array_bytes::<T>(n)?))
+    }
+
+    /// What [`Writer::pairs`] wrote.
+    pub fn pairs<A: Pod, B: Pod>(&mut self) -> Result<impl Iterator<Item = (A, B)> + use<A, B>, Damaged> {
+        let (first, second): (Vec<A>, Vec<B>) = (self.slice()?, self.slice()?);
+        check(first.len() == second.len(), "arrays of one length")?;
+        Ok(first.into_iter().zip(second))
     }
 
     fn array_bytes<T>(&mut self, n: u64) -> Result<&'a [u8], Damaged> {

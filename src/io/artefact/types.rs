@@ -159,6 +159,30 @@ impl Artefact for SynthesisMesh {
     }
 }
 
+/// Writes where a field turns: faces with their indices, and points.
+pub(crate) fn write_turning(turning: &[(u32, f64)], singularities: &[Singularity], w: &mut Writer) {
+    w.pairs(turning.iter().copied());
+    w.put(singularities.len() as u64);
+    for Singularity { at, index, face } in singularities {
+        w.put(*at);
+        w.put(*index);
+        w.put(*face);
+    }
+}
+
+/// Faces with their indices, and the points where a field turns.
+type Turning = (Vec<(u32, f64)>, Vec<Singularity>);
+
+/// What [`write_turning`] wrote.
+pub(crate) fn read_turning(r: &mut Reader<'_>) -> Result<Turning, Damaged> {
+    let turning = r.pairs()?.collect();
+    let mut singularities = Vec::new();
+    for _ in 0..r.get::<u64>()? {
+        singularities.push(Singularity { at: r.get()?, index: r.get()?, face: r.get()? });
+    }
+    Ok((turning, singularities))
+}
+
 impl Artefact for Laid {
     const TAG: [u8; 4] = *b"fld3";
 
@@ -174,15 +198,7 @@ impl Artefact for Laid {
         });
         w.put(u8::from(self.euler.is_some()));
         w.put(self.euler.unwrap_or(0));
-        let (faces, indices): (Vec<u32>, Vec<f64>) = self.turning.iter().copied().unzip();
-        w.slice(&faces);
-        w.slice(&indices);
-        w.put(self.singularities.len() as u64);
-        for Singularity { at, index, face } in &self.singularities {
-            w.put(*at);
-            w.put(*index);
-            w.put(*face);
-        }
+        write_turning(&self.turning, &self.singularities, w);
     }
 
     fn read(r: &mut Reader<'_>) -> Result<Self, Damaged> {
@@ -197,13 +213,7 @@ impl Artefact for Laid {
             n => return Err(Damaged(format!("a field of {n} directions"))),
         };
         let (is_closed, euler) = (r.get::<u8>()? != 0, r.get()?);
-        let (faces, indices): (Vec<u32>, Vec<f64>) = (r.slice()?, r.slice()?);
-        check(faces.len() == indices.len(), "one index per singular face")?;
-        let turning = faces.into_iter().zip(indices).collect();
-        let mut singularities = Vec::new();
-        for _ in 0..r.get::<u64>()? {
-            singularities.push(Singularity { at: r.get()?, index: r.get()?, face: r.get()? });
-        }
+        let (turning, singularities) = read_turning(r)?;
         Ok(Laid { field, normals, symmetry, turning, singularities, euler: is_closed.then_some(euler) })
     }
 }

@@ -111,11 +111,15 @@ pub fn write_uv_sets(
     editor.release();
     let n = synthesis.mesh.positions.len();
     let mut points = Points { mesh: vec![NONE; n], at: vec![[0.0; 3]; n], last: vec![NONE; n] };
-    for piece in &pieces {
-        let (weight_type, linear) = (weight_type(&piece.faces, sets), Linear::new(&piece.part.to_world));
-        let wants_normals = output.maps.has(Use::Normal) && primitive::attribute(doc, piece.part, "NORMAL").is_none();
-        let job = Job { doc, surface, synthesis, sets, output, piece, weight_type, linear, wants_normals };
-        job.write(&mut editor, &mut points);
+    for of_part in pieces.chunk_by(|a, b| std::ptr::eq(a.part, b.part)) {
+        let part = of_part[0].part;
+        let (same, linear) = (&equal_vertices(doc, part)[..], Linear::new(&part.to_world));
+        let wants_normals = output.maps.has(Use::Normal) && primitive::attribute(doc, part, "NORMAL").is_none();
+        for piece in of_part {
+            let weight_type = weight_type(&piece.faces, sets);
+            let job = Job { doc, surface, synthesis, sets, output, piece, same, weight_type, linear, wants_normals };
+            job.write(&mut editor, &mut points);
+        }
     }
     material::fill(&mut editor, &materials.iter().map(|m| m.0).collect::<Vec<_>>(), output.maps);
     for (m, count) in materials {
@@ -245,17 +249,19 @@ struct Job<'a> {
     sets: &'a UvSets,
     output: &'a UvSetOutput<'a>,
     piece: &'a Piece<'a>,
+    /// See [`equal_vertices`].
+    same: &'a [u32],
     weight_type: Component,
     linear: Linear,
     wants_normals: bool,
 }
 
 impl<'a> Job<'a> {
-    /// What lies at a corner of the synthesis mesh; `same`: see [`equal_vertices`].
-    fn vertex(&self, same: &[u32], corner: usize) -> Vertex {
+    /// What lies at a corner of the synthesis mesh.
+    fn vertex(&self, corner: usize) -> Vertex {
         let Job { surface, synthesis, .. } = self;
         let (parent, bary) = (synthesis.parent[corner / 3] as usize, synthesis.parent_bary[corner / 3][corner % 3]);
-        let vertices = surface.mesh.faces[parent].map(|v| same[(v - self.piece.part.vertices.start) as usize]);
+        let vertices = surface.mesh.faces[parent].map(|v| self.same[(v - self.piece.part.vertices.start) as usize]);
         let normal = || {
             let normals = &surface.corner_normals[3 * parent..3 * parent + 3];
             let sum = normals.iter().zip(bary).fold(Vec3::ZERO, |s, (n, b)| s + *n * f64::from(b));
@@ -295,12 +301,11 @@ impl<'a> Job<'a> {
     /// The vertices, by their first corners, and the triangles. `last` has as many entries as the synthesis mesh has
     /// vertices, all [`NONE`], and is so again afterwards.
     fn vertices(&self, last: &mut [u32]) -> (Vec<Vertex>, Vec<[u32; 3]>) {
-        let same = equal_vertices(self.doc, self.piece.part);
         let mut distinct: Vec<Vertex> = Vec::with_capacity(3 * self.piece.faces.len() / 2);
         // Of each, the one before it at the same vertex of the synthesis mesh.
         let mut before: Vec<u32> = Vec::with_capacity(3 * self.piece.faces.len() / 2);
         let mut index = |corner: usize| {
-            let new = self.vertex(&same, corner);
+            let new = self.vertex(corner);
             let newest = &mut last[new.vertex as usize];
             let vertex = |k: u32| (k != NONE).then_some(k);
             let mut known = std::iter::successors(vertex(*newest), |&k| vertex(before[k as usize])).take(LOOKBACK);

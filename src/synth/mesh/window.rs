@@ -348,11 +348,7 @@ fn load(scene: &Scene, s: &mut Scratch) {
             false => cost(scene, p, (&candidate[i], new_first), (&candidate[j], new_second)),
         };
         match (free[i], free[j]) {
-            (true, true) => {
-                cut.add_terminal(i, first - stay + both - second);
-                cut.add_terminal(j, second - stay + both - first);
-                cut.add_pair(i, j, [(second + first - stay - both).max(0); 2]);
-            }
+            (true, true) => cut.add_move([i, j], [stay, first, second, both]),
             (true, false) => cut.add_terminal(i, 2 * (first - stay)),
             (false, true) => cut.add_terminal(j, 2 * (second - stay)),
             (false, false) => {}

@@ -286,9 +286,7 @@ impl Work<'_> {
                 (true, Some(n)) => {
                     let (first, second) = (self.cost(p, to[i], other), self.cost(p, own[i], to[n]));
                     let both = self.cost(p, to[i], to[n]);
-                    cut.add_terminal(i, first - stay + both - second);
-                    cut.add_terminal(n, second - stay + both - first);
-                    cut.add_pair(i, n, [(second + first - stay - both).max(0); 2]);
+                    cut.add_move([i, n], [*stay, first, second, both]);
                 }
                 (true, None) => cut.add_terminal(i, 2 * (self.cost(p, to[i], other) - stay)),
                 (false, Some(n)) => cut.add_terminal(n, 2 * (self.cost(p, own[i], to[n]) - stay)),
