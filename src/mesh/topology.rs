@@ -18,7 +18,7 @@ pub struct Topology {
 impl Topology {
     /// Builds the rows in time linear in the faces, but for sorting each row.
     pub fn new(mesh: &TriMesh) -> Self {
-        let (face_starts, faces) = rows(mesh.positions.len(), |pair| each_corner(&mesh.faces, pair));
+        let (face_starts, faces) = faces_at(mesh.positions.len(), &mesh.faces);
         let (starts, neighbours) = neighbours(&mesh.faces, &face_starts, &faces);
         Topology { starts, neighbours, face_starts, faces }
     }
@@ -97,26 +97,26 @@ fn neighbours(corners: &[[u32; 3]], face_starts: &[u32], faces: &[u32]) -> (Vec<
     (starts, rows.concat())
 }
 
-/// Rows of entries in the order of their pairs (row, entry): where each row starts, and the rows. `each` calls with every pair.
-fn rows(n: usize, each: impl Fn(&mut dyn FnMut(u32, u32))) -> (Vec<u32>, Vec<u32>) {
+/// The faces at each of `n` vertices: where each row starts, and the rows.
+fn faces_at(n: usize, corners: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
     let mut starts = vec![0u32; n + 1];
-    each(&mut |row, _| starts[row as usize + 1] += 1);
+    each_corner(corners, |v, _| starts[v as usize + 1] += 1);
     let mut sum = 0;
     for start in &mut starts {
         sum += *start;
         *start = sum;
     }
     let mut fill = starts.clone();
-    let mut entries = vec![0u32; starts[n] as usize];
-    each(&mut |row, entry| {
-        entries[fill[row as usize] as usize] = entry;
-        fill[row as usize] += 1;
+    let mut faces = vec![0u32; starts[n] as usize];
+    each_corner(corners, |v, f| {
+        faces[fill[v as usize] as usize] = f;
+        fill[v as usize] += 1;
     });
-    (starts, entries)
+    (starts, faces)
 }
 
 /// Each vertex of each face, with the face.
-fn each_corner(faces: &[[u32; 3]], pair: &mut dyn FnMut(u32, u32)) {
+fn each_corner(faces: &[[u32; 3]], mut pair: impl FnMut(u32, u32)) {
     for (i, &[a, b, c]) in faces.iter().enumerate() {
         pair(a, i as u32);
         if b != a {
